@@ -177,14 +177,20 @@ mod tests {
         DecodedImage::Gray(Plane::filled(2, 1, value).unwrap())
     }
 
-    /// Decides by one pair whose images have values spread from 0 to `most`, and some of `hot`.
+    /// Decides by one pair of two equal images.
+    fn decided_by(asked: Option<u8>, image: &DecodedImage) -> BitDepth {
+        let levels = GreyLevels::from_pairs([[image.clone(), image.clone()]]);
+        BitDepth::decide(asked, &levels).unwrap()
+    }
+
+    /// Decides by images that have values spread from 0 to `most`, and some of `hot`.
     fn decided(asked: Option<u8>, most: u16, hot: &[u16]) -> BitDepth {
         let value = |x: usize, y: usize| match hot.get(x + 100 * y) {
             Some(hot) => *hot,
             None => (usize::from(most) * (x + 100 * y) / 9999) as u16,
         };
-        let image = || DecodedImage::Gray16(Plane::from_fn(100, 100, value).unwrap());
-        BitDepth::decide(asked, &GreyLevels::from_pairs([[image(), image()]])).unwrap()
+        let image = Plane::from_fn(100, 100, value).unwrap();
+        decided_by(asked, &DecodedImage::Gray16(image))
     }
 
     #[test]
@@ -205,34 +211,24 @@ mod tests {
             assert_eq!(pair.right().get(0, 0), grey, "{largest}");
         }
         // Later images change nothing, and saturate.
-        assert_eq!(
-            decided(None, 4000, &[])
-                .pair(deep(60_000))
-                .unwrap()
-                .0
-                .right()
-                .get(1, 0),
-            255
-        );
+        let (pair, _) = decided(None, 4000, &[]).pair(deep(60_000)).unwrap();
+        assert_eq!(pair.right().get(1, 0), 255);
     }
 
     #[test]
     fn hot_pixels_decide_nothing_and_a_narrow_range_is_spread() {
         let mut depth = decided(None, 1000, &[65_535; 5]);
-        assert_eq!(
-            (depth.bits(), depth.grey(deep(1000)[1].clone()).0.get(0, 0)),
-            (Some(10), 250)
-        );
+        let (grey, _) = depth.grey(deep(1000)[1].clone());
+        assert_eq!((depth.bits(), grey.get(0, 0)), (Some(10), 250));
         // 98 % of 7000 to 7509, and a margin of half of that range on each side.
         let thermal = |x: usize, y: usize| 7000 + ((x + 100 * y) * 510 / 10_000) as u16;
-        let image = || DecodedImage::Gray16(Plane::from_fn(100, 100, thermal).unwrap());
-        let levels = GreyLevels::from_pairs([[image(), image()]]);
-        let mut depth = BitDepth::decide(None, &levels).unwrap();
+        let image = DecodedImage::Gray16(Plane::from_fn(100, 100, thermal).unwrap());
+        let mut depth = decided_by(None, &image);
         let note = depth.note().unwrap();
         assert!(note.contains("grey is (value - 6756) / 4"), "{note}");
-        let (grey, _) = depth.grey(image());
+        let (grey, _) = depth.grey(image.clone());
         assert_eq!((grey.get(0, 0), grey.get(99, 99)), (61, 188));
-        let asked = BitDepth::decide(Some(16), &levels).unwrap().grey(image()).0;
+        let (asked, _) = decided_by(Some(16), &image).grey(image);
         assert_eq!((asked.get(0, 0), asked.get(99, 99)), (27, 29));
     }
 
@@ -254,33 +250,29 @@ mod tests {
         assert_eq!(grey.row(0), [76, 9]);
         assert_eq!(rgb.unwrap().row(0), [[255, 0, 0], [9, 9, 9]]);
         let same = DecodedImage::from_rgb(2, 1, &[8, 8, 8, 9, 9, 9]).unwrap();
-        assert_eq!(
-            same,
-            DecodedImage::Gray(Plane::from_vec(2, 1, vec![8, 9]).unwrap())
-        );
+        let grey = DecodedImage::Gray(Plane::from_vec(2, 1, vec![8, 9]).unwrap());
+        assert_eq!(same, grey);
         let (_, none) = BitDepth::FULL.clone().pair([color, same]).unwrap();
         assert!(none.is_none(), "one grey image of two");
     }
 
     #[test]
     fn grey_of_deep_colour_is_that_of_its_16_bits() {
+        let grey_by = |bits, image: DecodedImage| {
+            let (grey, _) = decided_by(Some(bits), &image).grey(image);
+            grey.get(0, 0)
+        };
         let grey = |bits, rgb: [u16; 3]| {
-            let image = DecodedImage::Color16(Plane::filled(1, 1, rgb).unwrap());
-            let mut depth = BitDepth::decide(
-                Some(bits),
-                &GreyLevels::from_pairs([[image.clone(), image.clone()]]),
+            grey_by(
+                bits,
+                DecodedImage::Color16(Plane::filled(1, 1, rgb).unwrap()),
             )
-            .unwrap();
-            depth.grey(image).0.get(0, 0)
         };
         let mono = |bits, value| {
-            let image = DecodedImage::Gray16(Plane::filled(1, 1, value).unwrap());
-            let mut depth = BitDepth::decide(
-                Some(bits),
-                &GreyLevels::from_pairs([[image.clone(), image.clone()]]),
+            grey_by(
+                bits,
+                DecodedImage::Gray16(Plane::filled(1, 1, value).unwrap()),
             )
-            .unwrap();
-            depth.grey(image).0.get(0, 0)
         };
         for value in [0, 255, 256, 511, 4095] {
             assert_eq!(grey(16, [value; 3]), mono(16, value));

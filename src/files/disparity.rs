@@ -140,43 +140,51 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             path
         };
-        let row = |path: &Path, scale| {
-            let plane = read_disparities(path, MapScale::same(scale));
+        let read = |name: &str, bytes: &[u8], scale| {
+            let plane = read_disparities(&file(name, bytes), MapScale::same(scale));
             plane.map(|plane| plane.row(0).to_vec())
         };
-        let message = |path: &Path, scale| row(path, scale).unwrap_err().to_string();
-        let wide = file("16.pgm", b"P5\n2 1\n65535\n\0\0\x03\0");
-        assert_eq!(row(&wide, None).unwrap(), [f32::INFINITY, 3.0]);
-        assert_eq!(row(&wide, Some(128.0)).unwrap(), [f32::INFINITY, 6.0]);
-        for header in ["P5\n2 1\n1023\n", "P5 # 9 9 9\n2 1 # 9\n# 9\n 40000 "] {
-            let other = file("other.pgm", &[header.as_bytes(), b"\0\0\x03\0"].concat());
-            assert_eq!(row(&other, None).unwrap(), [f32::INFINITY, 3.0], "{header}");
+        let far = f32::INFINITY;
+        let wide = b"P5\n2 1\n65535\n\0\0\x03\0";
+        let commented = b"P5 # 9 9 9\n2 1 # 9\n# 9\n 40000 \0\0\x03\0";
+        for (name, bytes, scale, expected) in [
+            ("16.pgm", &wide[..], None, &[far, 3.0][..]),
+            ("16.pgm", wide, Some(128.0), &[far, 6.0]),
+            ("other.pgm", b"P5\n2 1\n1023\n\0\0\x03\0", None, &[far, 3.0]),
+            ("other.pgm", commented, None, &[far, 3.0]),
+            ("text.pgm", b"P2\n2 1\n1000\n0 768\n", None, &[far, 3.0]),
+            // Values are as they are, whatever the largest may be.
+            ("64.pgm", b"P5\n2 1\n255\n\0\x06", Some(2.0), &[far, 3.0]),
+            ("64.pgm", b"P5\n2 1\n64\n\0\x06", Some(2.0), &[far, 3.0]),
+            ("64.pgm", b"P5\n2 1\n6\n\0\x06", Some(2.0), &[far, 3.0]),
+            ("8.pgm", b"P5\n2 1\n255\n\0\x06", Some(4.0), &[far, 1.5]),
+            ("grey.ppm", b"P6\n1 1\n255\n\x02\x02\x02", Some(4.0), &[0.5]),
+        ] {
+            assert_eq!(read(name, bytes, scale).unwrap(), expected, "{name}");
         }
-        let text = file("text.pgm", b"P2\n2 1\n1000\n0 768\n");
-        assert_eq!(row(&text, None).unwrap(), [f32::INFINITY, 3.0]);
-        assert!(message(&file("cut.pgm", b"P5\n2 1\n1023"), None).contains("not a readable"));
-        // Values are as they are, whatever the largest may be.
-        for largest in ["255", "64", "6"] {
-            let header = format!("P5\n2 1\n{largest}\n");
-            let steps = file("64.pgm", &[header.as_bytes(), b"\0\x06"].concat());
-            assert_eq!(
-                row(&steps, Some(2.0)).unwrap(),
-                [f32::INFINITY, 3.0],
-                "{largest}"
-            );
+        let colour = b"P6\n1 1\n255\n\x01\x01\x02";
+        let pointer = b"version https://git-lfs.github.com/spec/v1\noid";
+        for (name, bytes, scale, words) in [
+            ("cut.pgm", &b"P5\n2 1\n1023"[..], None, "not a readable"),
+            (
+                "8.pgm",
+                b"P5\n2 1\n255\n\0\x06",
+                None,
+                "8.pgm: has integers",
+            ),
+            ("colour.ppm", colour, Some(4.0), "colour picture"),
+            (
+                "page.pfm",
+                b"<!DOCTYPE html>\n<html>",
+                None,
+                "page.pfm: is a web page",
+            ),
+            ("p.png", pointer, None, "git lfs pull"),
+            ("e.pfm", b"", None, "is empty"),
+        ] {
+            let error = read(name, bytes, scale).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
         }
-        let narrow = file("8.pgm", b"P5\n2 1\n255\n\0\x06");
-        assert_eq!(row(&narrow, Some(4.0)).unwrap(), [f32::INFINITY, 1.5]);
-        assert!(message(&narrow, None).contains("8.pgm: has integers"));
-        let colour = file("colour.ppm", b"P6\n1 1\n255\n\x01\x01\x02");
-        assert!(message(&colour, Some(4.0)).contains("colour picture"));
-        let grey = file("grey.ppm", b"P6\n1 1\n255\n\x02\x02\x02");
-        assert_eq!(row(&grey, Some(4.0)).unwrap(), [0.5]);
-        let stands_in = file("page.pfm", b"<!DOCTYPE html>\n<html>");
-        assert!(message(&stands_in, None).contains("page.pfm: is a web page"));
-        let stands_in = file("p.png", b"version https://git-lfs.github.com/spec/v1\noid");
-        assert!(message(&stands_in, None).contains("git lfs pull"));
-        assert!(message(&file("e.pfm", b""), None).contains("is empty"));
     }
 
     #[test]
@@ -196,10 +204,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("D.PFM");
         write_pfm(&path, &Plane::filled(2, 1, 3.5).unwrap()).unwrap();
-        assert_eq!(
-            read_disparities(&path, MapScale::default()).unwrap().row(0),
-            [3.5, 3.5]
-        );
+        let read = read_disparities(&path, MapScale::default()).unwrap();
+        assert_eq!(read.row(0), [3.5, 3.5]);
     }
 
     #[test]

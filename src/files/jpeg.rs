@@ -196,18 +196,12 @@ mod tests {
             let expected = load_from_memory(&jpeg).unwrap();
             assert_eq!(decode(&jpeg).unwrap(), expected);
             // Cameras and other programs append data after the end, perhaps a second image.
-            assert_eq!(
-                decode(&[&jpeg[..], &[0; 9], &jpeg].concat()).unwrap(),
-                expected
-            );
+            let longer = [&jpeg[..], &[0; 9], &jpeg].concat();
+            assert_eq!(decode(&longer).unwrap(), expected);
             // A thumbnail in the headers has its own end marker.
-            let small = [
-                &jpeg[..2],
-                &[0xFF, 0xE1, 0, 8, 0xFF, 0xD8, 1, 2, 0xFF, 0xD9],
-                &jpeg[2..],
-            ]
-            .concat();
-            assert_eq!(decode(&small).unwrap(), expected);
+            let small = [0xFF, 0xE1, 0, 8, 0xFF, 0xD8, 1, 2, 0xFF, 0xD9];
+            let with_small = [&jpeg[..2], &small, &jpeg[2..]].concat();
+            assert_eq!(decode(&with_small).unwrap(), expected);
         }
     }
 
@@ -228,41 +222,29 @@ mod tests {
     fn an_image_that_is_cut_off_is_none() {
         for jpeg in whole() {
             for length in 0..jpeg.len() - 3 {
-                assert!(
-                    decode(&jpeg[..length]).is_err(),
-                    "{length} of {} bytes",
-                    jpeg.len()
-                );
+                let cut = decode(&jpeg[..length]);
+                assert!(cut.is_err(), "{length} of {} bytes", jpeg.len());
             }
         }
     }
 
     #[test]
     fn an_image_that_ends_early_is_none() {
-        for jpeg in [
-            RESTARTS.to_vec(),
-            encoded(64, 48, ExtendedColorType::Rgb8, noise()),
-        ] {
+        let noisy = encoded(64, 48, ExtendedColorType::Rgb8, noise());
+        for jpeg in [RESTARTS, &noisy] {
             let scan = jpeg.windows(2).position(|two| two == [0xFF, 0xDA]).unwrap() + 12;
             for length in scan..jpeg.len() - 4 {
                 let ended = [&jpeg[..length], &[0xFF, 0xD9]].concat();
-                assert!(
-                    decode(&ended).is_err(),
-                    "{length} of {} bytes and an end",
-                    jpeg.len()
-                );
+                assert!(decode(&ended).is_err(), "{length} of {}", jpeg.len());
             }
         }
         // The data of one restart interval are missing.
-        let at: Vec<_> = RESTARTS
-            .windows(2)
-            .enumerate()
-            .filter(|(_, two)| two[0] == 0xFF && two[1] & 0xF8 == 0xD0)
-            .collect();
-        let holed = [&RESTARTS[..at[1].0], &RESTARTS[at[2].0..]].concat();
-        assert!(decode(&holed).is_err() && load_from_memory(&holed).is_ok());
-        let thinned = [&RESTARTS[..at[1].0 + 12], &RESTARTS[at[2].0..]].concat();
-        assert!(decode(&thinned).is_err() && load_from_memory(&thinned).is_ok());
+        let is_restart = |at: &usize| RESTARTS[*at] == 0xFF && RESTARTS[at + 1] & 0xF8 == 0xD0;
+        let at: Vec<_> = (0..RESTARTS.len() - 1).filter(is_restart).collect();
+        for kept in [0, 12] {
+            let holed = [&RESTARTS[..at[1] + kept], &RESTARTS[at[2]..]].concat();
+            assert!(decode(&holed).is_err() && load_from_memory(&holed).is_ok());
+        }
     }
 
     #[test]

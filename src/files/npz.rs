@@ -203,20 +203,16 @@ mod tests {
     const HEADER: &str = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }\n";
 
     fn npy(header: &str, data: &[u8]) -> Vec<u8> {
-        [
-            b"\x93NUMPY\x01\x00",
-            &(header.len() as u16).to_le_bytes()[..],
-            header.as_bytes(),
-            data,
-        ]
-        .concat()
+        let length = (header.len() as u16).to_le_bytes();
+        let begin = [&b"\x93NUMPY\x01\x00"[..], &length].concat();
+        [&begin, header.as_bytes(), data].concat()
     }
 
     fn npz(arrays: &[Vec<u8>]) -> Vec<u8> {
         let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let options = SimpleFileOptions::default();
+        let stored = options.compression_method(zip::CompressionMethod::Stored);
         for (i, array) in arrays.iter().enumerate() {
-            let stored =
-                SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
             archive.start_file(format!("arr_{i}.npy"), stored).unwrap();
             archive.write_all(array).unwrap();
         }
@@ -227,96 +223,72 @@ mod tests {
         values.iter().flat_map(|v| v.to_le_bytes()).collect()
     }
 
+    /// A file of one array of two rows of these.
+    fn float_archive(values: [f32; 6]) -> Vec<u8> {
+        npz(&[npy(HEADER, &le(&values))])
+    }
+
     #[test]
     fn either_byte_and_memory_order() {
-        let read = |header: &str, data: &[u8]| {
-            parse(npz(&[npy(header, data)]))
-                .unwrap()
-                .0
-                .pixels()
-                .collect::<Vec<_>>()
-        };
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, f32::INFINITY];
-        assert_eq!(read(HEADER, &le(&values)), values);
-        let big: Vec<u8> = values
-            .iter()
-            .flat_map(|v| f64::from(*v).to_be_bytes())
-            .collect();
-        assert_eq!(read(&HEADER.replace("<f4", ">f8"), &big), values);
-        let halves: Vec<u8> = values
-            .iter()
-            .flat_map(|v| f16::from_f32(*v).to_le_bytes())
-            .collect();
-        assert_eq!(read(&HEADER.replace("<f4", "<f2"), &halves), values);
-        let steps: Vec<u8> = [-16i16, 0, 24, 1, 2, 3]
-            .iter()
-            .flat_map(|v| v.to_be_bytes())
-            .collect();
-        let steps = read(&HEADER.replace("<f4", ">i2"), &steps);
-        assert_eq!(steps[..3], [-16.0, 0.0, 24.0]);
-        let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, f32::INFINITY]);
-        assert_eq!(read(&HEADER.replace("False", "True"), &columns), values);
+        let steps = [-16.0, 0.0, 24.0, 1.0, 2.0, 3.0];
+        let columns = [1.0, 4.0, 2.0, 5.0, 3.0, f32::INFINITY];
+        let big = values.map(|v| f64::from(v).to_be_bytes()).concat();
+        let halves = values.map(|v| f16::from_f32(v).to_le_bytes()).concat();
+        let integers = steps.map(|v| (v as i16).to_be_bytes()).concat();
+        for (from, to, data, expected) in [
+            ("", "", le(&values), values),
+            ("<f4", ">f8", big, values),
+            ("<f4", "<f2", halves, values),
+            ("<f4", ">i2", integers, steps),
+            ("False", "True", le(&columns), values),
+        ] {
+            let header = HEADER.replacen(from, to, 1);
+            let (map, _) = parse(npz(&[npy(&header, &data)])).unwrap();
+            assert_eq!(map.pixels().collect::<Vec<_>>(), expected, "{to}");
+        }
     }
 
     #[test]
     fn unknown_disparities_are_infinite() {
         let file = tempfile::Builder::new().suffix(".npz").tempfile().unwrap();
-        let data = le(&[1.0, f32::NAN, f32::NEG_INFINITY, 0.0, -1.0, f32::INFINITY]);
-        std::fs::write(file.path(), npz(&[npy(HEADER, &data)])).unwrap();
-        let read = read_disparities(file.path(), MapScale::same(None)).unwrap();
         let inf = f32::INFINITY;
-        assert_eq!(
-            read.pixels().collect::<Vec<_>>(),
-            [1.0, inf, inf, 0.0, -1.0, inf]
-        );
+        let values = [1.0, f32::NAN, -inf, 0.0, -1.0, inf];
+        std::fs::write(file.path(), float_archive(values)).unwrap();
+        let read = read_disparities(file.path(), MapScale::same(None)).unwrap();
+        let read: Vec<_> = read.pixels().collect();
+        assert_eq!(read, [1.0, inf, inf, 0.0, -1.0, inf]);
     }
 
     #[test]
     fn faults_are_named() {
         let data = le(&[0.0; 6]);
-        let one = |header: &str| npz(&[npy(header, &data)]);
-        for (bytes, words) in [
-            (npz(&[]), "contains 0 arrays"),
-            (
-                npz(&[npy(HEADER, &data), npy(HEADER, &data)]),
-                "contains 2 arrays",
-            ),
-            (npz(&[b"\x93NUM".to_vec()]), "truncated"),
-            (npz(&[vec![0; 99]]), "does not begin"),
-            (npz(&[npy(HEADER, &data[1..])]), "needs 24 bytes"),
-            (
-                npz(&[npy(HEADER, &[data.clone(), vec![0]].concat())]),
-                "needs 24 bytes",
-            ),
-            (
-                npz(&[[&b"\x93NUMPY\x02\x00"[..], &u32::MAX.to_le_bytes()].concat()]),
-                "4294967295",
-            ),
-            (one(&HEADER.replace("(2, 3)", "(2, 3, 1)")), "shape"),
-            (
-                one(&HEADER.replace("(2, 3)", "(18446744073709551615, 3)")),
-                "shape",
-            ),
-            (
-                one(&HEADER.replace("(2, 3)", "(16384, 16384)")),
-                "1073741824 bytes",
-            ),
-            (one(&HEADER.replace("<f4", "|O")), "'|O'"),
-            (one("{}"), "no 'descr'"),
+        let with = |from, to| vec![npy(&HEADER.replace(from, to), &data)];
+        let version_2 = [&b"\x93NUMPY\x02\x00"[..], &u32::MAX.to_le_bytes()].concat();
+        for (arrays, words) in [
+            (vec![], "contains 0 arrays"),
+            (vec![npy(HEADER, &data); 2], "contains 2 arrays"),
+            (vec![b"\x93NUM".to_vec()], "truncated"),
+            (vec![vec![0; 99]], "does not begin"),
+            (vec![npy(HEADER, &data[1..])], "needs 24 bytes"),
+            (vec![npy(HEADER, &[0; 25])], "needs 24 bytes"),
+            (vec![version_2], "4294967295"),
+            (with("(2, 3)", "(2, 3, 1)"), "shape"),
+            (with("(2, 3)", "(18446744073709551615, 3)"), "shape"),
+            (with("(2, 3)", "(16384, 16384)"), "1073741824 bytes"),
+            (with("<f4", "|O"), "'|O'"),
+            (vec![npy("{}", &data)], "no 'descr'"),
         ] {
-            let error = parse(bytes).unwrap_err().to_string();
+            let error = parse(npz(&arrays)).unwrap_err().to_string();
             assert!(error.contains(words), "{words}: {error}");
         }
     }
 
     #[test]
     fn a_flipped_bit_is_found_by_the_check_sum() {
-        let mut bytes = npz(&[npy(HEADER, &le(&[7.0; 6]))]);
-        let at = bytes
-            .windows(4)
-            .position(|w| w == 7f32.to_le_bytes())
-            .unwrap();
-        bytes[at] ^= 1;
+        let mut bytes = float_archive([7.0; 6]);
+        let at = bytes.windows(4).position(|w| w == 7f32.to_le_bytes());
+        bytes[at.unwrap()] ^= 1;
         let error = parse(bytes).unwrap_err().to_string();
         assert!(error.contains("checksum"), "{error}");
     }
@@ -324,7 +296,7 @@ mod tests {
     proptest! {
         #[test]
         fn damage_is_an_error_or_a_map(cut in 0usize..400, at in 0usize..400, value: u8) {
-            let mut bytes = npz(&[npy(HEADER, &le(&[7.0, 1.5, 0.25, 3.0, 2.0, 1.0]))]);
+            let mut bytes = float_archive([7.0, 1.5, 0.25, 3.0, 2.0, 1.0]);
             let length = bytes.len();
             bytes[at % length] = value;
             bytes.truncate(length - cut % length);

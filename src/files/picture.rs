@@ -46,7 +46,8 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
         png::BitDepth::Eight
     });
     encoder.set_palette(palette.as_flattened());
-    encoder.set_compression(png::Compression::High);
+    // Level 9 takes twenty times as long for a tenth fewer bytes.
+    encoder.set_deflate_compression(png::DeflateCompression::Level(4));
     // Codes are indices, not amounts: a filter gains nothing from their differences.
     encoder.set_filter(png::Filter::NoFilter);
     encoder

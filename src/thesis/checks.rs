@@ -1,9 +1,9 @@
 //! v3 up to its validity test, and the two tests compared in the thesis.
 
 use svl_core::Result;
-use svl_core::kernel::{Isa, isa};
+use svl_core::kernel::isa;
 use svl_core::matcher::stage::{
-    BlockSearch, Blocks, DisparityRange, DogTexture, RowCheck, RowSearch, SelfCheck,
+    BlockSearch, Blocks, DisparityRange, DogTexture, RowCheck, RowSearch, SelfCheck, Strip,
     SymmetricCheck, TextureFilter, VerticalSmoothing,
 };
 use svl_core::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, StereoPair};
@@ -16,10 +16,15 @@ pub(super) fn dog_texture() -> DogTexture {
     DogTexture::new(SIGMA, DELTA)
 }
 
+/// v3's vertical smoothing by default.
+fn smoothing() -> VerticalSmoothing {
+    VerticalSmoothing::new(1.0)
+}
+
 /// An image smoothed vertically as by default in v3.
 pub(super) fn smoothed(image: &Gray) -> Result<Gray> {
     let mut smooth = Gray::filled(image.width(), image.height(), 0)?;
-    VerticalSmoothing::new(1.0).apply(isa()?, image, &mut smooth);
+    smoothing().apply(isa()?, image, &mut smooth);
     Ok(smooth)
 }
 
@@ -30,99 +35,66 @@ pub(super) fn textured(filter: &dyn TextureFilter, image: &Gray) -> Result<Plane
     Ok(mask)
 }
 
-/// A pair smoothed as in v3, with the matches of its textured pixels.
-pub(super) struct Correlated {
-    isa: Isa,
-    range: DisparityRange,
-    left: Gray,
-    /// Left and right.
-    blocks: [Blocks; 2],
-    right_textured: Plane<bool>,
-    /// Every match, none of them checked.
-    pub(super) matches: DisparityMap,
+/// A test of v3's matches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Check {
+    /// Keeps every match.
+    Nothing,
+    /// v3's own.
+    Own,
+    /// That of v1 and v2: the right image agrees to that number of pixels.
+    Symmetric(i32),
+    /// The same, but the right pixel must be textured too: untextured ones are not matched back.
+    Textured(i32),
 }
 
-impl Correlated {
-    pub(super) fn new(pair: &StereoPair) -> Result<Self> {
-        let ((width, height), isa) = (pair.size(), isa()?);
-        // The thesis's range of disparities.
-        let range = DisparityRange::new(0, 80)?;
-        let (left, right) = (smoothed(pair.left())?, smoothed(pair.right())?);
-        let left_textured = textured(&dog_texture(), &left)?;
-        let blocks = |image: &Gray| -> Result<Blocks> {
-            let mut blocks = Blocks::new(width, height)?;
-            blocks.load(isa, image);
-            Ok(blocks)
-        };
-        let blocks = [blocks(&left)?, blocks(&right)?];
-        let mut matches = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?;
-        let mut search = BlockSearch::new(width, range);
-        for (y, mut row) in matches.rows_mut().enumerate() {
-            // The kernel searches several rows at once: a group is searched at its first row, and
-            // its rows are then written one by one.
-            let lane = y % Blocks::ROWS;
-            if lane == 0 {
-                let rows = Blocks::ROWS.min(height - y);
-                search.search(isa, blocks[0].around(y), blocks[1].around(y), rows);
-            }
-            let pair = [left.row(y), right.row(y)];
-            search.write_row(isa, lane, pair, left_textured.row(y), &mut row);
+/// The matches of v3 that pass a check in place of its own.
+pub(super) fn matches(pair: &StereoPair, check: Check) -> Result<DisparityMap> {
+    let ((width, height), isa) = (pair.size(), isa()?);
+    // The thesis's range of disparities.
+    let range = DisparityRange::new(0, 80)?;
+    let (smoothing, texture) = (smoothing(), dog_texture());
+    let (mut strip, mut textured) = (Strip::new(width)?, vec![false; width]);
+    let mut search = BlockSearch::new(width, range);
+    let mut row_check: Option<Box<dyn RowCheck>> = match check {
+        Check::Nothing => None,
+        Check::Own => Some(Box::new(SelfCheck::new(width, range))),
+        Check::Symmetric(tolerance_px) | Check::Textured(tolerance_px) => {
+            Some(Box::new(SymmetricCheck::new(tolerance_px, width, range)))
         }
-        Ok(Self {
-            isa,
-            range,
-            blocks,
-            right_textured: textured(&dog_texture(), &right)?,
-            left,
-            matches,
-        })
-    }
-
-    /// The matches that pass the self check: the result of v3.
-    pub(super) fn self_checked(&self) -> DisparityMap {
-        self.checked(SelfCheck::new(self.left.width(), self.range))
-    }
-
-    /// The matches with which the right image agrees to `tolerance_px`: the symmetric check of v1
-    /// and v2.
-    pub(super) fn symmetric(&self, tolerance_px: i32) -> DisparityMap {
-        let width = self.left.width();
-        self.checked(SymmetricCheck::new(tolerance_px, width, self.range))
-    }
-
-    fn checked(&self, mut check: impl RowCheck) -> DisparityMap {
-        let [left, right] = &self.blocks;
-        let height = self.left.height();
-        // A check only rejects: it starts from all matches, so both checks see the same ones.
-        let mut map = self.matches.clone();
-        for (y, mut row) in map.rows_mut().enumerate() {
-            let lane = y % Blocks::ROWS;
-            if lane == 0 {
-                let rows = Blocks::ROWS.min(height - y);
-                check.search(self.isa, left.around(y), right.around(y), rows);
+    };
+    let mut map = DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?;
+    for (y, mut row) in map.rows_mut().enumerate() {
+        // The kernels search several rows at once: a group is searched at its first row, and its
+        // rows are then written and checked one by one.
+        let lane = y % Blocks::ROWS;
+        if lane == 0 {
+            let rows = Blocks::ROWS.min(height - y);
+            strip.load(isa, &smoothing, pair, y, rows);
+            strip.transpose(isa);
+            let [left, right] = strip.columns();
+            search.search(isa, left, right, rows);
+            if let Some(check) = &mut row_check {
+                check.search(isa, left, right, rows);
             }
-            check.check_row(self.isa, lane, self.left.row(y), &mut row);
         }
-        map
-    }
-
-    /// Same as [`Self::symmetric`], but the right pixel must be textured too: untextured ones are
-    /// not matched back.
-    pub(super) fn symmetric_on_texture(&self, tolerance_px: i32) -> DisparityMap {
-        let mut map = self.symmetric(tolerance_px);
-        for (y, mut row) in map.rows_mut().enumerate() {
-            for x in 0..row.width() {
+        let (left, right) = (strip.left(lane), strip.right(lane));
+        texture.apply_row(isa, left, &mut textured);
+        search.write_row(isa, lane, [left, right], &textured, &mut row);
+        if let Some(check) = &row_check {
+            check.check_row(isa, lane, left, &mut row);
+        }
+        if let Check::Textured(_) = check {
+            texture.apply_row(isa, right, &mut textured);
+            for x in 0..width {
                 // The window of a match lies inside the right image.
-                if row
-                    .at(x)
-                    .is_ok_and(|d| !self.right_textured.get(x - d as usize, y))
-                {
+                if row.at(x).is_ok_and(|d| !textured[x - d as usize]) {
                     row.reject(x, Reason::Inconsistent);
                 }
             }
         }
-        map
     }
+    Ok(map)
 }
 
 #[cfg(test)]
@@ -144,9 +116,12 @@ mod tests {
             .match_pair(RectifiedPair::assume(&pair), None)
             .unwrap()
             .disparity;
-        let correlated = Correlated::new(&pair).unwrap();
-        assert_eq!(correlated.self_checked().hash(), v3.hash());
-        assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());
-        assert!(correlated.symmetric_on_texture(1).valid() < correlated.symmetric(1).valid());
+        let matches = |check| matches(&pair, check).unwrap();
+        assert_eq!(matches(Check::Own).hash(), v3.hash());
+        let valid = |check| matches(check).valid();
+        let symmetric = valid(Check::Symmetric(1));
+        assert!(valid(Check::Symmetric(0)) < symmetric);
+        assert!(valid(Check::Textured(1)) < symmetric);
+        assert!(symmetric < valid(Check::Nothing));
     }
 }

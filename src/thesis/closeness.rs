@@ -1,7 +1,7 @@
 //! Figure 5.7: the SSDPI of one subject, close and far.
 
-use super::checks::Correlated;
-use super::measure::{MeanMedian, SSDPI_TOP, valid};
+use super::checks::{Check, matches};
+use super::measure::{SSDPI_TOP, mean_and_median, valid};
 use super::{Context, Experiment, Finding, stage};
 use svl_core::Result;
 use svl_core::stereo::Frame;
@@ -26,40 +26,39 @@ const FAR_M: f64 = 1.0;
 /// Depth of the subject.
 const DEPTH_M: f64 = 0.3;
 
+/// Mean and median ln SSDPI of what is close, and of what is far.
+type CloseAndFar = [[f64; 2]; 2];
+
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let near = subject(context, CLOSE_M, "close", finding)?;
     let far = subject(context, FAR_M, "far", finding)?;
     let line = |name, values: &[f64]| Series::new(name, SeriesStyle::Line, histogram(values));
     let histograms = [line("close", &near), line("far", &far)];
-    let (close, far) = (MeanMedian::new(near), MeanMedian::new(far));
-    finding.condition(close.median > far.median).says(format!(
-        "The median ln SSDPI of the subject is higher close than far: {:.2} and {:.2}.",
-        close.median, far.median
-    ));
-    finding.condition(close.mean > far.mean).says(format!(
-        "So is the mean: {:.2} and {:.2}.",
-        close.mean, far.mean
-    ));
-    let real = context.in_real_scenes(|frame| halves(&frame))?;
-    let real = real
-        .into_iter()
-        .filter_map(|(name, halves)| Some((name, halves?)));
-    let real: Vec<_> = real.collect();
-    let in_scenes = conclude_scenes(&real, finding);
-    let rows = std::iter::once(("arena".to_owned(), [close, far])).chain(real);
-    let values = |[near, far]: [MeanMedian; 2]| [near.median, far.median, near.mean, far.mean];
-    finding.table(
-        "ln SSDPI | close, median | far, median | close, mean | far, mean",
-        rows.map(|(name, halves)| (name, values(halves))),
-    );
-    finding.why = format!(
-        "Close, the subject's ln SSDPI is {:.2} in the median and {:.2} in the mean, far {:.2} \
-         and {:.2}{in_scenes}.",
-        close.median, close.mean, far.median, far.mean
-    );
     let x = Axis::new("ln SSDPI").with_range(0.0, SSDPI_TOP);
     let y = Axis::new("fraction of the matches, %");
     finding.chart("SSDPI of one subject", [x, y], histograms);
+    let arena = [near, far].map(mean_and_median);
+    let [[near_mean, near_median], [far_mean, far_median]] = arena;
+    finding.condition(near_median > far_median).says(format!(
+        "The median ln SSDPI of the subject is higher close than far: {near_median:.2} and \
+         {far_median:.2}."
+    ));
+    finding
+        .condition(near_mean > far_mean)
+        .says(format!("So is the mean: {near_mean:.2} and {far_mean:.2}."));
+    let real = context.in_real_scenes(|frame| halves(&frame))?.into_iter();
+    let mut views = vec![("arena".to_owned(), arena)];
+    views.extend(real.filter_map(|(name, halves)| Some((name, halves?))));
+    let in_scenes = conclude_scenes(&views[1..], finding);
+    let values = |[near, far]: CloseAndFar| [near[1], far[1], near[0], far[0]];
+    finding.table(
+        "ln SSDPI | close, median | far, median | close, mean | far, mean",
+        views.into_iter().map(|(name, view)| (name, values(view))),
+    );
+    finding.why = format!(
+        "Close, the subject's ln SSDPI is {near_median:.2} in the median and {near_mean:.2} in \
+         the mean, far {far_median:.2} and {far_mean:.2}{in_scenes}."
+    );
     Ok(())
 }
 
@@ -73,9 +72,9 @@ fn subject(
     let mut config = stage::empty();
     config.world.blocks = vec![stage::block(ahead_m, 0.03, [0.16, 0.10, 0.13], 35.0)];
     config.world.balls = vec![stage::ball(ahead_m + 0.02, -0.07, 0.05)];
-    let frame = context.still(&config)?;
+    let frame = context.frame(&config, 0)?;
     // Unchecked matches: the checks would drop those with a high SSDPI, which are of interest here.
-    let matches = Correlated::new(&frame.pair)?.matches;
+    let matches = matches(&frame.pair, Check::Nothing)?;
     // The rig of the arena always exists.
     let farthest_px = frame
         .rig()
@@ -90,9 +89,9 @@ fn subject(
 }
 
 /// Adds the condition of the real scenes; returns words on them.
-fn conclude_scenes(real: &[(String, [MeanMedian; 2])], finding: &mut Finding) -> String {
-    let is_higher = |(_, [near, far]): &&(String, [MeanMedian; 2])| near.median > far.median;
-    let (higher, scenes) = (real.iter().filter(is_higher).count(), real.len());
+fn conclude_scenes(real: &[(String, CloseAndFar)], finding: &mut Finding) -> String {
+    let higher = real.iter().filter(|(_, [near, far])| near[1] > far[1]);
+    let (higher, scenes) = (higher.count(), real.len());
     if scenes == 0 {
         return String::new();
     }
@@ -115,13 +114,13 @@ fn histogram(values: &[f64]) -> Vec<(f64, f64)> {
 }
 
 /// The ln SSDPIs of the nearer and the farther half of the matches with truth, if both have some.
-fn halves(frame: &Frame) -> Result<Option<[MeanMedian; 2]>> {
-    let matches = Correlated::new(&frame.pair)?.matches;
+fn halves(frame: &Frame) -> Result<Option<CloseAndFar>> {
+    let matches = matches(&frame.pair, Check::Nothing)?;
     let known = valid(&matches, frame.truth.as_ref()).filter(|pixel| pixel.true_px.is_finite());
-    let mut known: Vec<_> = known.map(|pixel| (pixel.true_px, pixel.ln_ssdpi)).collect();
-    known.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut known: Vec<_> = known.collect();
+    known.sort_by(|a, b| b.true_px.total_cmp(&a.true_px));
     let (near, far) = known.split_at(known.len() / 2);
-    let halves = [near, far].map(|half| MeanMedian::new(half.iter().map(|(_, ssdpi)| *ssdpi)));
+    let halves = [near, far].map(|half| mean_and_median(half.iter().map(|pixel| pixel.ln_ssdpi)));
     Ok((!near.is_empty()).then_some(halves))
 }
 

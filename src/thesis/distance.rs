@@ -31,20 +31,16 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let target = MeasuredTarget::new(context)?;
     let thesis = DistanceCurve::annex_b()?;
     let ours = DistanceCurve::fit(&target.points)?;
-    conclude(&thesis, &ours, &target, finding);
+    conclude([&thesis, &ours], &target, finding);
     let px = |point: Option<&(f64, f64)>| point.map_or(f64::NAN, |(_, px)| *px);
     finding.quantity("target at 16 cm", "px", "81", px(target.points.last()));
     finding.quantity("target at 130 cm", "px", "11", px(target.points.first()));
     let row = |(cm, thesis_px): (f64, f64)| {
-        let found = target.points.iter().find(|(at, _)| *at == cm);
-        let curve_cm = |curve: &DistanceCurve, px| curve.distance_cm(px).unwrap_or(f64::NAN);
-        let values = [
-            thesis_px,
-            curve_cm(&thesis, thesis_px),
-            target.product_cm_px / cm,
-            px(found),
-            curve_cm(&ours, px(found)),
-        ];
+        let true_px = target.product_cm_px / cm;
+        let found_px = px(target.points.iter().find(|(at, _)| *at == cm));
+        let [thesis_cm, found_cm] = [(&thesis, thesis_px), (&ours, found_px)]
+            .map(|(curve, px)| curve.distance_cm(px).unwrap_or(f64::NAN));
+        let values = [thesis_px, thesis_cm, true_px, found_px, found_cm];
         (format!("{cm:.0}"), values)
     };
     finding.table(
@@ -90,37 +86,27 @@ impl MeasuredTarget {
         let mut frames = Vec::new();
         for (cm, _) in table {
             config.world.blocks = vec![stage::block(cm / 100.0, 0.0, [0.8, 0.1, 1.0], 0.0)];
-            frames.push(context.still(&config)?);
+            frames.push(context.frame(&config, 0)?);
         }
         let judged = context.judged(frames, &[ALGORITHM], &stage::judge())?;
-        let mut points = Vec::new();
-        let mut off_px: f64 = 0.0;
-        for ((cm, _), judged) in table.into_iter().zip(&judged) {
-            let true_px = product_cm_px / cm;
-            match target_px(judged, true_px) {
-                Some(px) => {
-                    off_px = off_px.max((px - true_px).abs());
-                    points.push((cm, px));
-                }
-                // A target that cannot be measured fails the condition.
-                None => off_px = f64::INFINITY,
-            }
-        }
+        let measured = table.iter().zip(&judged);
+        let measured =
+            measured.map(|((cm, _), judged)| (*cm, target_px(judged, product_cm_px / cm)));
+        // A target that cannot be measured fails the condition.
+        let off_px = |(cm, px): (f64, Option<f64>)| {
+            px.map_or(f64::INFINITY, |px| (px - product_cm_px / cm).abs())
+        };
         Ok(Self {
             product_cm_px,
-            points,
-            off_px,
+            off_px: measured.clone().map(off_px).fold(0.0, f64::max),
+            points: measured.filter_map(|(cm, px)| Some((cm, px?))).collect(),
         })
     }
 }
 
 /// Adds the results of the thesis's curve of degree 5 and of the one through the simulated target.
-fn conclude(
-    thesis: &DistanceCurve,
-    ours: &DistanceCurve,
-    target: &MeasuredTarget,
-    finding: &mut Finding,
-) {
+fn conclude(curves: [&DistanceCurve; 2], target: &MeasuredTarget, finding: &mut Finding) {
+    let [thesis, ours] = curves;
     let table = DistanceCurve::TABLE_B1.into_iter();
     let (at_points, at_px) = worst(table.clone(), |px| thesis.distance_cm(px));
     finding.condition(at_points <= TOLERANCE).says(format!(
@@ -157,9 +143,8 @@ fn conclude(
 
 /// The f·B, in cm·px, that best fits disparities at those distances.
 fn pinhole_cm_px(pairs: &[(f64, f64)]) -> f64 {
-    let (above, below) = pairs.iter().fold((0.0, 0.0), |(a, b), (cm, px)| {
-        (a + px / cm, b + 1.0 / (cm * cm))
-    });
+    let above: f64 = pairs.iter().map(|(cm, px)| px / cm).sum();
+    let below: f64 = pairs.iter().map(|(cm, _)| 1.0 / (cm * cm)).sum();
     above / below
 }
 
@@ -170,11 +155,9 @@ fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
     let near = |px: f32| (f64::from(px) - true_px).abs() < 0.5;
     // Both percentiles match the target's disparity: the cell shows nothing else.
     let shows = |cell: &Cell| cell.depth.is_some_and(|d| near(d.p20_px) && near(d.p80_px));
-    let cells = grid
-        .iter()
-        .zip(truth.iter())
-        .filter(|(_, (_, truth))| shows(truth));
-    let medians: Vec<f64> = cells
+    let cells = grid.iter().zip(truth.iter());
+    let medians: Vec<_> = cells
+        .filter(|(_, (_, truth))| shows(truth))
         .filter_map(|((_, cell), _)| Some(f64::from(cell.depth?.median_px)))
         .collect();
     (medians.len() >= 3).then(|| lower_median(medians))?
@@ -186,12 +169,12 @@ fn worst(
     pairs: impl Iterator<Item = (f64, f64)>,
     distance_cm: impl Fn(f64) -> Option<f64>,
 ) -> (f64, f64) {
-    let errors = pairs.filter_map(|(cm, px)| Some(((distance_cm(px)? - cm).abs() / cm, px)));
-    let worst = errors.fold(
-        (0.0, 0.0),
-        |worst, next| if next.0 > worst.0 { next } else { worst },
-    );
-    (100.0 * worst.0, worst.1)
+    let errors = pairs.filter_map(|(cm, px)| {
+        let error = (distance_cm(px)? - cm).abs() / cm;
+        Some((100.0 * error, px))
+    });
+    let worst = errors.max_by(|a, b| a.0.total_cmp(&b.0));
+    worst.unwrap_or_default()
 }
 
 /// Largest increase of distance with increasing disparity.

@@ -1,8 +1,9 @@
 //! The result of an experiment: conditions, quantities, tables, plots, pictures.
 
 use serde::Serialize;
+use serde_json::Value;
 use svl_files::overlay::Mark;
-use svl_report::plot::{Axis, Bars, Chart, Series};
+use svl_report::plot::{Axis, Bars, Chart, Series, SeriesStyle};
 
 /// Result of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -35,26 +36,18 @@ pub struct Quantity {
     pub name: String,
     pub unit: &'static str,
     /// Number in the thesis; `None` if it gives none.
-    pub thesis: Option<String>,
-    /// `None` if there was nothing to measure.
-    pub ours: Option<f64>,
+    pub thesis: Option<&'static str>,
+    /// NaN, in JSON null, if there was nothing to measure.
+    pub ours: f64,
 }
 
-/// A table of numbers.
+/// Quantities under the conditions in which they were measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct FindingTable {
     /// Headings of the columns; the first is that of the row names.
     pub heads: Vec<String>,
-    pub rows: Vec<(String, Vec<TableValue>)>,
-}
-
-/// A cell of a table.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum TableValue {
-    Number(f64),
-    Text(String),
-    Nothing,
+    /// Name of the conditions, and numbers or texts; null if there was nothing to measure.
+    pub rows: Vec<(String, Vec<Value>)>,
 }
 
 /// Result for the thesis's claim.
@@ -106,33 +99,31 @@ impl Finding {
         &mut self,
         name: impl Into<String>,
         unit: &'static str,
-        thesis: &str,
+        thesis: &'static str,
         ours: f64,
     ) {
         self.quantities.push(Quantity {
             name: name.into(),
             unit,
-            thesis: (!thesis.is_empty()).then(|| thesis.to_owned()),
-            ours: Some(ours).filter(|ours| ours.is_finite()),
+            thesis: Some(thesis).filter(|thesis| !thesis.is_empty()),
+            ours,
         });
     }
 
     /// Adds a table; its headings, the first that of the row names, are separated by ` | `.
-    pub(super) fn table<V: IntoIterator<Item: Into<TableValue>>>(
+    pub(super) fn table<V: IntoIterator<Item: Into<Value>>>(
         &mut self,
         heads: &str,
         rows: impl IntoIterator<Item = (String, V)>,
     ) {
-        let mut table = FindingTable {
-            heads: heads.split(" | ").map(str::to_owned).collect(),
-            rows: Vec::new(),
-        };
-        for (name, values) in rows {
+        let heads: Vec<_> = heads.split(" | ").map(str::to_owned).collect();
+        let row = |(name, values): (String, V)| {
             let values: Vec<_> = values.into_iter().map(Into::into).collect();
-            debug_assert_eq!(values.len() + 1, table.heads.len(), "{name}");
-            table.rows.push((name, values));
-        }
-        self.tables.push(table);
+            debug_assert_eq!(values.len() + 1, heads.len(), "{name}");
+            (name, values)
+        };
+        let rows = rows.into_iter().map(row).collect();
+        self.tables.push(FindingTable { heads, rows });
     }
 
     pub(super) fn chart(
@@ -150,19 +141,37 @@ impl Finding {
         self.plots.push(chart.svg());
     }
 
+    /// Adds a chart of a quantity at the levels of a condition, which are at the points of the
+    /// curves: `value` gets the places of curve and level.
+    pub(super) fn curves(
+        &mut self,
+        title: &str,
+        axes: [Axis; 2],
+        names: &[&str],
+        levels: &[f64],
+        value: impl Fn(usize, usize) -> f64,
+    ) {
+        let curve = |(curve, name): (usize, &&str)| {
+            let points = levels.iter().enumerate();
+            let points = points.map(|(i, level)| (*level, value(curve, i)));
+            Series::new(name, SeriesStyle::Both, points)
+        };
+        self.chart(title, axes, names.iter().enumerate().map(curve));
+    }
+
     /// Adds bars with named lengths of each part.
     pub(super) fn bars(
         &mut self,
         title: &str,
         label: &str,
         parts: &[&str],
-        bars: impl IntoIterator<Item = (String, Vec<f64>)>,
+        bars: Vec<(String, Vec<f64>)>,
     ) {
         let bars = Bars {
             title: title.to_owned(),
             label: label.to_owned(),
             parts: parts.iter().copied().map(str::to_owned).collect(),
-            bars: bars.into_iter().collect(),
+            bars,
         };
         self.plots.push(bars.svg());
     }
@@ -174,52 +183,18 @@ impl Condition {
     }
 }
 
-impl From<usize> for TableValue {
-    fn from(count: usize) -> Self {
-        Self::Number(count as f64)
-    }
-}
-
-impl From<&str> for TableValue {
-    fn from(text: &str) -> Self {
-        Self::Text(text.to_owned())
-    }
-}
-
-impl From<f64> for TableValue {
-    /// NaN means a fraction with denominator 0, or nothing to measure; JSON has no NaN.
-    fn from(value: f64) -> Self {
-        if value.is_finite() {
-            Self::Number(value)
-        } else {
-            Self::Nothing
-        }
-    }
-}
-
 impl ClaimVerdict {
-    /// All verdicts, the best first.
-    pub const ALL: [Self; 4] = [
-        Self::Holds,
-        Self::HoldsInPart,
-        Self::DoesNotHold,
-        Self::Undetermined,
+    /// All verdicts, the best first, in words for one claim and for several.
+    pub const WORDS: [(Self, [&str; 2]); 4] = [
+        (Self::Holds, ["holds", "hold"]),
+        (Self::HoldsInPart, ["holds in part", "hold in part"]),
+        (Self::DoesNotHold, ["does not hold", "do not hold"]),
+        (Self::Undetermined, ["is undetermined", "are undetermined"]),
     ];
 
     /// In words.
     pub fn words(self) -> &'static str {
-        self.words_for(1)
-    }
-
-    /// In words, for a number of claims.
-    pub fn words_for(self, claims: usize) -> &'static str {
-        let [one, several] = match self {
-            Self::Holds => ["holds", "hold"],
-            Self::HoldsInPart => ["holds in part", "hold in part"],
-            Self::DoesNotHold => ["does not hold", "do not hold"],
-            Self::Undetermined => ["is undetermined", "are undetermined"],
-        };
-        if claims == 1 { one } else { several }
+        Self::WORDS[self as usize].1[0]
     }
 }
 

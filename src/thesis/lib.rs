@@ -28,16 +28,16 @@ mod stressed;
 mod texture;
 mod validity;
 
-pub use finding::{ClaimVerdict, Condition, Exhibit, Finding, FindingTable, Quantity, TableValue};
+pub use finding::{ClaimVerdict, Condition, Exhibit, Finding, FindingTable, Quantity};
 pub use page::{ExperimentFinding, FindingsPage};
 
 use std::path::Path;
 use svl_bench::pass::{self, Matchers, Monitor, Pace};
-use svl_bench::sink::{self, CollectSink, PassStart, Sink};
+use svl_bench::sink::{self, Outbox, PassStart, Sink, WatchSink};
 use svl_bench::source::Source;
 use svl_bench::source::dataset::Scene;
 use svl_core::stereo::Frame;
-use svl_core::{Error, Result, did_you_mean};
+use svl_core::{Error, Result, did_you_mean, joined};
 use svl_score::judge::{Judge, Judged};
 use svl_score::manifest::Manifest;
 use svl_score::scenario::Scenario;
@@ -83,10 +83,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
 pub fn find(figure: &str) -> Result<&'static Experiment> {
     let found = EXPERIMENTS.iter().find(|e| e.figures.contains(&figure));
     found.ok_or_else(|| {
-        let figures = EXPERIMENTS.iter().flat_map(|e| e.figures).copied();
-        let guess = did_you_mean(figure, figures);
-        let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
-        let known = known.join(", ");
+        let guess = did_you_mean(figure, EXPERIMENTS.iter().flat_map(|e| e.figures).copied());
+        let known = joined(EXPERIMENTS.iter().map(Experiment::figure));
         Error::Invalid(format!(
             "unknown figure '{figure}'{guess}; known are {known}"
         ))
@@ -147,15 +145,12 @@ const SCENES: &[&str] = &[
 /// # Errors
 /// [`Error::Invalid`] if there is none.
 pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
-    let scenes = SCENES
-        .iter()
-        .filter_map(|name| Scene::find(&data.join(name), name));
-    let scenes: Vec<_> = scenes.collect();
+    let scene = |name: &&str| Scene::find(&data.join(name), name);
+    let scenes: Vec<_> = SCENES.iter().filter_map(scene).collect();
     if scenes.is_empty() {
-        let (data, wanted) = (data.display(), SCENES.join(", "));
-        return Err(Error::Invalid(format!(
-            "{data}: contains none of the scenes {wanted}"
-        )));
+        let (data, wanted) = (data.display(), joined(SCENES));
+        let why = format!("{data}: contains none of the scenes {wanted}");
+        return Err(Error::Invalid(why));
     }
     Ok(scenes)
 }
@@ -185,23 +180,33 @@ impl<'a> Context<'a> {
         self.go_on(1).then_some(()).ok_or_else(stopped)
     }
 
-    /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
+    /// Runs a source through the algorithms, `NAME[:key=value,...]`, and adds its scored frames to
+    /// a sum.
     ///
     /// # Errors
     /// The errors of the run; [`Error::Invalid`] if an algorithm fails or the monitor ends the
     /// work.
-    fn run(
+    fn fold<T: Default + Send + 'static>(
         &mut self,
         source: &mut dyn Source,
         algorithms: &[&str],
         judge: &Judge,
-        sink: impl Sink + 'static,
-    ) -> Result<()> {
+        sum: T,
+        add: fn(&mut T, &Judged),
+    ) -> Result<T> {
         let algorithms = algorithms.iter().map(|a| a.parse());
         let algorithms = algorithms.collect::<Result<Vec<_>>>()?;
         let manifest = Manifest::new("reproduce", &algorithms)?;
         let start = PassStart::new(&manifest, None, judge);
         let mut matchers = Matchers::new(&algorithms)?;
+        let outbox = Outbox::default();
+        let sums = outbox.clone();
+        sums.put(sum);
+        let sink = WatchSink(move |judged: &Judged| {
+            let mut sum = sums.take();
+            add(&mut sum, judged);
+            sums.put(sum);
+        });
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         // Called also with one core: the run is then sequential.
         let (outcome, ran) = pass::run(source, &mut matchers, &start, Pace::Asap, &mut sinks, self);
@@ -212,23 +217,23 @@ impl<'a> Context<'a> {
         if outcome.failures.values().any(|failed| *failed > 0) {
             return Err(Error::Invalid("an algorithm failed, as warned".into()));
         }
-        sink::finish(sinks)
+        sink::finish(sinks)?;
+        Ok(outbox.take())
     }
 
     /// The frames with their scored estimates, in the order of the algorithms.
     ///
     /// # Errors
-    /// The errors of [`Context::run`].
+    /// The errors of [`Context::fold`].
     fn judged(
         &mut self,
         frames: Vec<Frame>,
         algorithms: &[&str],
         judge: &Judge,
     ) -> Result<Vec<Judged>> {
-        let sink = CollectSink::new(Judged::clone);
-        let outbox = sink.outbox();
-        self.run(&mut Frames(frames.into_iter()), algorithms, judge, sink)?;
-        Ok(outbox.take())
+        let frames = &mut Frames(frames.into_iter());
+        let add = |all: &mut Vec<_>, judged: &Judged| all.push(judged.clone());
+        self.fold(frames, algorithms, judge, Vec::new(), add)
     }
 
     /// The findings of `look` in each real scene, under the scene's name.
@@ -259,16 +264,8 @@ impl Monitor for Context<'_> {
 struct Frames(std::vec::IntoIter<Frame>);
 
 impl Source for Frames {
-    fn name(&self) -> String {
-        "frames".into()
-    }
-
     fn next(&mut self) -> Result<Option<Frame>> {
         Ok(self.0.next())
-    }
-
-    fn pairs(&self) -> Option<u64> {
-        Some(self.0.len() as u64)
     }
 }
 

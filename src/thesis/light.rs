@@ -1,6 +1,6 @@
 //! Less light, and cameras that expose differently.
 
-use super::stressed::{StressCurves, views};
+use super::stressed::PerturbedViews;
 use super::{Context, Experiment, Finding};
 use svl_core::Result;
 
@@ -20,20 +20,22 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const STOPS: [f64; 4] = [0.5, 1.0, 2.0, 3.0];
-/// Index of two stops, a quarter of the light, with level 0 before it.
+const STOPS: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 3.0];
+/// Index of two stops, a quarter of the light.
 const QUARTER: usize = 3;
 /// Standard-deviation threshold for a quarter of the light.
 const READJUSTED: &str = "v2:texture_threshold=1";
-const EXPOSURE: [f64; 4] = [0.1, 0.25, 0.5, 1.0];
+const EXPOSURE: [f64; 5] = [0.0, 0.1, 0.25, 0.5, 1.0];
 /// Index of half the exposure.
 const HALF: usize = 4;
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let frames = views()?;
+    let mut views = PerturbedViews::new(context, finding)?;
     let algorithms = [("v2", "v2"), ("v2, readjusted", READJUSTED), ("v3", "v3")];
-    let dark = StressCurves::measure(context, &frames, ("dark", &STOPS), algorithms)?;
-    let [v2, readjusted, v3] = dark.kept(QUARTER);
+    let dark = views.kept("Less light", "dark", STOPS, algorithms)?;
+    let algorithms = [("v3", "v3"), ("v5", "v5")];
+    let unequal = views.kept("Unequal exposure", "exposure", EXPOSURE, algorithms)?;
+    let [v2, readjusted, v3] = dark[QUARTER];
     finding.condition(v3 > v2).says(format!(
         "With a quarter of the light v3 keeps more of its right cells than v2: {v3:.0} % and \
          {v2:.0} %."
@@ -42,15 +44,11 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         "There v2 keeps more with a threshold of 1 than with one of 4: {readjusted:.0} % and \
          {v2:.0} %."
     ));
-    dark.show(finding, "Less light", "stops");
-    let algorithms = [("v3", "v3"), ("v5", "v5")];
-    let unequal = StressCurves::measure(context, &frames, ("exposure", &EXPOSURE), algorithms)?;
-    let [half, census] = unequal.kept(HALF);
+    let [half, census] = unequal[HALF];
     finding.condition(half < 90.0).says(format!(
         "Where the right camera exposes half as long, v3 loses a tenth of its right cells or \
          more: it keeps {half:.0} %."
     ));
-    unequal.show(finding, "Unequal exposure", "stops");
     finding.why = format!(
         "With a quarter of the light v2 keeps {v2:.0} % of its right cells, {readjusted:.0} % with \
          its threshold readjusted, and v3 {v3:.0} %. Where the right camera exposes half as long, \

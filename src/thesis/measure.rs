@@ -5,24 +5,14 @@ use svl_core::Result;
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{DisparityMap, Frame, Gray, Truth};
 use svl_files::encode_png;
-use svl_files::overlay::{Nearness, marks, viridis};
+use svl_files::overlay::{Mark, Nearness, marks, viridis};
 use svl_score::judge::{JudgedEstimate, Verdict};
 
-/// Mean and median.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct MeanMedian {
-    pub(super) mean: f64,
-    pub(super) median: f64,
-}
-
-impl MeanMedian {
-    /// Over finite values; NaN without any. The median is by nearest rank.
-    pub(super) fn new(values: impl IntoIterator<Item = f64>) -> Self {
-        let values: Vec<f64> = values.into_iter().collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let median = lower_median(values).unwrap_or(f64::NAN);
-        Self { mean, median }
-    }
+/// Mean and median of finite values, the median by nearest rank; NaN without values.
+pub(super) fn mean_and_median(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let values: Vec<f64> = values.into_iter().collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    [mean, lower_median(values).unwrap_or(f64::NAN)]
 }
 
 /// The top of the thesis's scale of SSDPI, its logarithm (section 5.3.3).
@@ -94,8 +84,8 @@ impl Matches {
     }
 
     /// Mean and median ln SSDPI.
-    pub(super) fn spread(&self) -> MeanMedian {
-        MeanMedian::new(self.ln_ssdpis.iter().copied())
+    pub(super) fn spread(&self) -> [f64; 2] {
+        mean_and_median(self.ln_ssdpis.iter().copied())
     }
 
     /// Per cent of the matches with known truth.
@@ -113,7 +103,8 @@ impl Finding {
     /// Adds an image without marks.
     pub(super) fn image(&mut self, caption: impl Into<String>, image: &Gray) -> Result<()> {
         let pixels: Vec<_> = image.pixels().collect();
-        self.pictures.push(picture(caption, image.size(), &pixels)?);
+        let picture = picture(caption, image.size(), &pixels, Vec::new())?;
+        self.pictures.push(picture);
         Ok(())
     }
 
@@ -126,7 +117,8 @@ impl Finding {
             let color = viridis((pixel.ln_ssdpi / SSDPI_TOP) as f32);
             rgb[3 * (pixel.at.1 * width + pixel.at.0)..][..3].copy_from_slice(&color);
         }
-        self.pictures.push(picture(caption, map.size(), &rgb)?);
+        let picture = picture(caption, map.size(), &rgb, Vec::new())?;
+        self.pictures.push(picture);
         Ok(())
     }
 }
@@ -137,26 +129,30 @@ pub(super) fn grid_picture(
     frame: &Frame,
     scored: &JudgedEstimate,
 ) -> Result<Exhibit> {
-    let left = frame.pair.left();
-    let marks = marks(
-        &scored.estimate.grid,
-        left.size(),
-        Nearness::for_frame(frame),
-    );
+    let (left, nearness) = (frame.pair.left(), Nearness::for_frame(frame));
+    let marks = marks(&scored.estimate.grid, left.size(), nearness);
     let wrong = scored.cells.iter().flatten();
     let wrong = wrong.map(|cell| cell.verdict == Verdict::Wrong);
-    Ok(Exhibit {
-        marks: marks.into_iter().zip(wrong).collect(),
-        ..picture(caption, left.size(), &left.pixels().collect::<Vec<_>>())?
-    })
+    let marks = marks.into_iter().zip(wrong).collect();
+    picture(
+        caption,
+        left.size(),
+        &left.pixels().collect::<Vec<_>>(),
+        marks,
+    )
 }
 
-fn picture(caption: impl Into<String>, size: (usize, usize), pixels: &[u8]) -> Result<Exhibit> {
+fn picture(
+    caption: impl Into<String>,
+    size: (usize, usize),
+    pixels: &[u8],
+    marks: Vec<(Mark, bool)>,
+) -> Result<Exhibit> {
     Ok(Exhibit {
         caption: caption.into(),
         png: encode_png(size.0, size.1, pixels)?,
         size,
-        marks: Vec::new(),
+        marks,
     })
 }
 
@@ -167,13 +163,9 @@ mod tests {
 
     #[test]
     fn medians_are_nearest_ranks() {
-        let spread = |values: &[f64]| {
-            let MeanMedian { mean, median } = MeanMedian::new(values.iter().copied());
-            (mean, median)
-        };
-        assert!(spread(&[]).0.is_nan() && spread(&[]).1.is_nan());
-        assert_eq!(spread(&[4.0, 1.0, 1.0, 2.0]), (2.0, 1.0));
-        assert_eq!(spread(&[4.0, 0.0, 2.0]), (2.0, 2.0));
+        assert!(mean_and_median([]).iter().all(|value| value.is_nan()));
+        assert_eq!(mean_and_median([4.0, 1.0, 1.0, 2.0]), [2.0, 1.0]);
+        assert_eq!(mean_and_median([4.0, 0.0, 2.0]), [2.0, 2.0]);
         assert!(percent(0, 0).is_nan());
     }
 
@@ -201,7 +193,7 @@ mod tests {
         assert_eq!((matches.pixels, matches.count()), (8, 6));
         assert_eq!((matches.known, matches.right), (4, 2));
         assert_eq!(matches.wrong_percent(), 50.0);
-        let MeanMedian { mean, median } = matches.spread();
+        let [mean, median] = matches.spread();
         assert_eq!(median, 0.0);
         assert!((mean - 100f64.ln() / 3.0).abs() < 1e-12);
     }

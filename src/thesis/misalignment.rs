@@ -1,6 +1,6 @@
 //! Figure 6.2: misaligned cameras.
 
-use super::stressed::{StressCurves, views};
+use super::stressed::PerturbedViews;
 use super::{Context, Experiment, Finding};
 use svl_core::Result;
 
@@ -18,23 +18,25 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-const OFFSETS_PX: [f64; 4] = [0.5, 1.0, 2.0, 3.0];
-/// Indices of 1 px and 2 px, with level 0 before them.
+const OFFSETS_PX: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 3.0];
+/// Indices of 1 px and 2 px.
 const ONE_PX: usize = 2;
 const TWO_PX: usize = 3;
-const ROLLS_DEG: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+const ROLLS_DEG: [f64; 5] = [0.0, 0.25, 0.5, 1.0, 2.0];
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let frames = views()?;
     let algorithms = [
         ("v3", "v3"),
         ("v3, no smoothing", "v3:smoothing_sigma=0"),
         ("v4", "v4"),
         ("v5", "v5"),
     ];
-    let moved = StressCurves::measure(context, &frames, ("row_offset", &OFFSETS_PX), algorithms)?;
-    let [v3, sharp, v4, v5] = moved.kept(ONE_PX);
-    let [v3_at_two, sharp_at_two, v4_at_two, v5_at_two] = moved.kept(TWO_PX);
+    let mut views = PerturbedViews::new(context, finding)?;
+    let title = "Right image too low";
+    let moved = views.kept(title, "row_offset", OFFSETS_PX, algorithms)?;
+    views.kept("Right image rotated", "roll", ROLLS_DEG, algorithms)?;
+    let [v3, sharp, v4, v5] = moved[ONE_PX];
+    let [v3_at_two, sharp_at_two, v4_at_two, v5_at_two] = moved[TWO_PX];
     finding.condition(v3 < 90.0).says(format!(
         "1 px too low, v3 loses a tenth of its right cells or more: it keeps {v3:.0} %."
     ));
@@ -46,9 +48,6 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         "2 px too low, v4 keeps more of its right cells than v3: {v4_at_two:.0} % and \
          {v3_at_two:.0} %."
     ));
-    moved.show(finding, "Right image too low", "px");
-    let rolled = StressCurves::measure(context, &frames, ("roll", &ROLLS_DEG), algorithms)?;
-    rolled.show(finding, "Right image rotated", "°");
     finding.why = format!(
         "With the right image 1 px too low v3 keeps {v3:.0} % of its right cells, {sharp:.0} % \
          without smoothing, v4 {v4:.0} % and v5 {v5:.0} %; 2 px too low {v3_at_two:.0} %, \

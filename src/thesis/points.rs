@@ -1,13 +1,11 @@
 //! Figure 7.3: the arena's six points with v3 and with the Small Vision System.
 
 use super::measure::{grid_picture, percent};
-use super::{Context, Exhibit, Experiment, Finding, TableValue};
-use svl_bench::sink::{Outbox, Sink};
-use svl_core::stereo::DepthGrid;
-use svl_core::{Error, Result};
-use svl_score::judge::{
-    CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, Verdict,
-};
+use super::{Context, Exhibit, Experiment, Finding};
+use serde_json::Value;
+use svl_core::{Error, Result, joined};
+use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally};
+use svl_score::judge::{Judged, JudgedEstimate, Verdict};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
@@ -37,31 +35,43 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         return Err(Error::Invalid("figure 7.3 needs a run of the arena".into()));
     };
     let points = scenario.checkpoints.iter().cloned();
-    let sink = PointSink {
-        points: points.map(|point| (point, Default::default())).collect(),
-        ..PointSink::default()
-    };
-    let outbox = sink.outbox.clone();
-    context.run(&mut *source, &ALGORITHMS, &scenario.judge(), sink)?;
-    let (points, cells) = outbox.take();
+    let points = points.map(|point| (point, Default::default())).collect();
+    let (judge, none) = (scenario.judge(), (points, Default::default()));
+    let (points, cells) = context.fold(&mut *source, &ALGORITHMS, &judge, none, add_scores)?;
     conclude(&points, cells, finding);
-    finding.table(HEADS, points.iter().map(row));
     for (name, cells) in NAMES.iter().zip(cells) {
         for (verdict, count) in [("right", cells.right), ("wrong", cells.wrong)] {
             let name = format!("all frames, {name}: cells {verdict}");
             finding.quantity(name, "%", "", percent(count, cells.all));
         }
     }
-    let mut bars = Vec::new();
-    for (Checkpoint { number, name, .. }, scores) in &points {
-        let shares = scores.each_ref().map(PointScore::passed_percent);
-        let names = NAMES.map(|algorithm| format!("{number}. {name}, {algorithm}"));
-        bars.extend(names.into_iter().zip(shares.map(|share| vec![share])));
+    let (mut rows, mut bars) = (Vec::new(), Vec::new());
+    for (point, scores) in &points {
+        let name = format!("{}. {}", point.number, point.name);
+        let thesis = match point.number {
+            2 => "v3 erroneous, SVS better",
+            3 => "v3 unknown where flat",
+            6 => "SVS better",
+            _ => "near results",
+        };
+        let mut row = vec![thesis.into()];
+        for (algorithm, score) in NAMES.iter().zip(scores) {
+            row.extend(score.values());
+            let passed = percent(score.tally.passed, score.tally.frames);
+            bars.push((format!("{name}, {algorithm}"), vec![passed]));
+        }
+        rows.push((name, row));
     }
+    finding.table(HEADS, rows);
     let label = "fraction of the frames that show the point, %";
     finding.bars("Frames that pass", label, &[""], bars);
     add_pictures(points, finding)
 }
+
+const HEADS: &str = "point | thesis | v3: best | v3: worst | v3: frames that pass, % | \
+                     v3: frames with a wrong cell, % | v3: cells right, % | SVS: best | \
+                     SVS: worst | SVS: frames that pass, % | SVS: frames with a wrong cell, % | \
+                     SVS: cells right, %";
 
 /// A point with its scores by v3 and the SVS.
 type ThesisPoint = (Checkpoint, [PointScore; 2]);
@@ -77,24 +87,18 @@ struct PointScore {
 }
 
 impl PointScore {
-    /// NaN for a point shown in no frame.
-    fn passed_percent(&self) -> f64 {
-        percent(self.tally.passed, self.tally.frames)
-    }
-
-    /// Best and worst frame, the fraction that passes and that with a wrong cell, and the fraction
-    /// of right cells.
-    fn values(&self) -> [TableValue; 5] {
-        let leading = |lead: &Option<(_, CheckpointFrame)>| match lead {
-            Some((_, frame)) if frame.passed => "pass".into(),
-            Some(_) => "fail".into(),
-            None => TableValue::Nothing,
+    /// The values under [`HEADS`]; null for a point shown in no frame.
+    fn values(&self) -> [Value; 5] {
+        let tally = &self.tally;
+        let word = |lead: &Option<(_, CheckpointFrame)>| {
+            let passed = lead.as_ref().map(|(_, frame)| frame.passed);
+            passed.map(|passed| if passed { "pass" } else { "fail" })
         };
         [
-            leading(&self.tally.best),
-            leading(&self.tally.worst),
-            self.passed_percent().into(),
-            percent(self.wrong, self.tally.frames).into(),
+            word(&tally.best).into(),
+            word(&tally.worst).into(),
+            percent(tally.passed, tally.frames).into(),
+            percent(self.wrong, tally.frames).into(),
             self.cells.right_percent().into(),
         ]
     }
@@ -111,14 +115,14 @@ struct PointCells {
 }
 
 impl PointCells {
-    fn add(&mut self, grid: &DepthGrid, judgements: &[CellJudgement]) {
-        let count = |verdict| judgements.iter().filter(|j| j.verdict == verdict).count();
-        self.all += judgements.len();
+    fn add(&mut self, scored: &JudgedEstimate) {
+        let (judgements, grid) = (|| scored.cells.iter().flatten(), &scored.estimate.grid);
+        let count = |verdict| judgements().filter(|j| j.verdict == verdict).count();
+        self.all += judgements().count();
         self.right += count(Verdict::Right);
         self.wrong += count(Verdict::Wrong);
-        self.first_column += (0..grid.shape().rows)
-            .filter(|&row| grid.cell(0, row).depth.is_some())
-            .count();
+        let first_column = (0..grid.shape().rows).map(|row| grid.cell(0, row));
+        self.first_column += first_column.filter(|cell| cell.depth.is_some()).count();
     }
 
     fn right_percent(&self) -> f64 {
@@ -126,44 +130,42 @@ impl PointCells {
     }
 }
 
-const HEADS: &str = "point | thesis | v3: best | v3: worst | v3: frames that pass, % | \
-                     v3: frames with a wrong cell, % | v3: cells right, % | SVS: best | \
-                     SVS: worst | SVS: frames that pass, % | SVS: frames with a wrong cell, % | \
-                     SVS: cells right, %";
-
-/// Values under [`HEADS`].
-fn row((checkpoint, [v3, svs]): &ThesisPoint) -> (String, Vec<TableValue>) {
-    let thesis = match checkpoint.number {
-        2 => "v3 erroneous, SVS better",
-        3 => "v3 unknown where flat",
-        6 => "SVS better",
-        _ => "near results",
-    };
-    let name = format!("{}. {}", checkpoint.number, checkpoint.name);
-    let values = [vec![thesis.into()], v3.values().into(), svs.values().into()];
-    (name, values.concat())
+/// Adds the scores of a frame to those of the points and of all frames.
+fn add_scores((points, cells): &mut (Vec<ThesisPoint>, [PointCells; 2]), judged: &Judged) {
+    for (i, scored) in judged.estimates.iter().enumerate() {
+        // The arena has truth in every frame; a recording of it could have lost it.
+        if scored.cells.is_none() {
+            continue;
+        }
+        cells[i].add(scored);
+        for (point, verdict) in &scored.checkpoints {
+            let score = &mut points[*point].1[i];
+            // Only leading frames are kept, as encoding a picture takes longer than scoring.
+            let picture = || grid_picture(String::new(), &judged.frame, scored);
+            score.tally.add(*verdict, picture);
+            score.wrong += usize::from(verdict.wrong > 0);
+            score.cells.add(scored);
+        }
+    }
 }
 
 /// Adds the worst and the best frame of each point.
 fn add_pictures(points: Vec<ThesisPoint>, finding: &mut Finding) -> Result<()> {
-    for (checkpoint, [v3, svs]) in points {
-        let (v3, svs) = (v3.tally, svs.tally);
+    for (point, [v3, svs]) in points {
         for (name, rank, lead) in [
-            (NAMES[0], "worst", v3.worst),
-            (NAMES[1], "worst", svs.worst),
-            (NAMES[0], "best", v3.best),
-            (NAMES[1], "best", svs.best),
+            (NAMES[0], "worst", v3.tally.worst),
+            (NAMES[1], "worst", svs.tally.worst),
+            (NAMES[0], "best", v3.tally.best),
+            (NAMES[1], "best", svs.tally.best),
         ] {
             let Some((picture, frame)) = lead else {
                 continue;
             };
             let fails = frame.reasons().map(|reasons| format!("fails, {reasons}"));
             let outcome = fails.unwrap_or_else(|| "passes".to_owned());
-            let caption = format!("Point {}: {name} {rank}: {outcome}", checkpoint.number);
-            finding.pictures.push(Exhibit {
-                caption,
-                ..picture?
-            });
+            let mut picture = picture?;
+            picture.caption = format!("Point {}: {name} {rank}: {outcome}", point.number);
+            finding.pictures.push(picture);
         }
     }
     Ok(())
@@ -184,83 +186,44 @@ fn conclude(points: &[ThesisPoint], cells: [PointCells; 2], finding: &mut Findin
         let (wrong, frames) = (v3.wrong, v3.tally.frames);
         format!("{} (in {wrong} of {frames} frames)", point.number)
     });
-    let places = places.collect::<Vec<_>>().join(", ");
-    let is_right_elsewhere = places.is_empty();
-    let where_wrong = if is_right_elsewhere {
-        String::new()
-    } else {
-        format!(": it has some at {places}")
+    let where_wrong = match &joined(places)[..] {
+        "" => String::new(),
+        places => format!(": it has some at {places}"),
     };
-    finding.condition(is_right_elsewhere).says(format!(
+    finding.condition(where_wrong.is_empty()).says(format!(
         "v3 has wrong cells at no point but 2{where_wrong}."
     ));
-    let sum = |count: fn(&PointScore) -> usize| {
+    let sums = |count: fn(&PointScore) -> usize| {
         let counts = |i: usize| points.iter().map(move |(_, scores)| count(&scores[i]));
         [counts(0).sum(), counts(1).sum::<usize>()]
     };
-    let [frames, _] = sum(|score| score.tally.frames);
-    let [v3_wrong, svs_wrong] = sum(|score| score.wrong);
+    let [frames, _] = sums(|score| score.tally.frames);
+    let [v3_wrong, svs_wrong] = sums(|score| score.wrong);
     finding.condition(v3_wrong < svs_wrong).says(format!(
         "The SVS is wrong in more frames than v3: {svs_wrong} and {v3_wrong} of {frames}."
     ));
-    let closest = points
-        .iter()
-        .filter(|(point, _)| [2, 6].contains(&point.number));
-    closest.for_each(|(point, scores)| add_better_point(point, scores, finding));
+    for (point, [v3, svs]) in points {
+        let (number, name, frames) = (point.number, &point.name, svs.tally.frames);
+        if ![2, 6].contains(&number) {
+            continue;
+        }
+        let [v3_passed, svs_passed] = [v3, svs].map(|score| score.tally.passed);
+        let [v3_right, svs_right] = [v3, svs].map(|score| score.cells.right_percent());
+        finding.condition(svs_passed > v3_passed).says(format!(
+            "The SVS handles point {number}, {name}, better: it passes {svs_passed} of {frames} \
+             frames, v3 {v3_passed} ({svs_right:.0} % and {v3_right:.0} % of all their cells are \
+             right)."
+        ));
+    }
     let known = cells[1].first_column;
     finding.condition(known == 0).says(format!(
         "The SVS's first column is unknown in every frame: {known} of its cells are known."
     ));
-    let [v3, svs] = sum(|score| score.tally.passed);
+    let [v3, svs] = sums(|score| score.tally.passed);
     finding.why = format!(
         "Of the {frames} frames of the six points v3 passes {v3} and the SVS {svs}; v3 is wrong \
          somewhere in {v3_wrong} of them, the SVS in {svs_wrong}."
     );
-}
-
-/// Adds whether the SVS handles a point better.
-fn add_better_point(point: &Checkpoint, [v3, svs]: &[PointScore; 2], finding: &mut Finding) {
-    let (number, name, frames) = (point.number, &point.name, svs.tally.frames);
-    let [v3_passed, svs_passed] = [v3, svs].map(|score| score.tally.passed);
-    let [v3_right, svs_right] = [v3, svs].map(|score| score.cells.right_percent());
-    finding.condition(svs_passed > v3_passed).says(format!(
-        "The SVS handles point {number}, {name}, better: it passes {svs_passed} of {frames} \
-         frames, v3 {v3_passed} ({svs_right:.0} % and {v3_right:.0} % of all their cells are \
-         right)."
-    ));
-}
-
-/// Scores the frames of a run, at its points and all of them.
-#[derive(Default)]
-struct PointSink {
-    points: Vec<ThesisPoint>,
-    cells: [PointCells; 2],
-    outbox: Outbox<(Vec<ThesisPoint>, [PointCells; 2])>,
-}
-
-impl Sink for PointSink {
-    fn take(&mut self, judged: &Judged) -> Result<()> {
-        for (i, scored) in judged.estimates.iter().enumerate() {
-            // The arena has truth in every frame; a recording of it could have lost it.
-            let Some(cells) = &scored.cells else { continue };
-            let grid = &scored.estimate.grid;
-            self.cells[i].add(grid, cells);
-            for (point, verdict) in &scored.checkpoints {
-                let score = &mut self.points[*point].1[i];
-                // Only leading frames are kept, as encoding a picture takes longer than scoring.
-                let picture = || grid_picture(String::new(), &judged.frame, scored);
-                score.tally.add(*verdict, picture);
-                score.wrong += usize::from(verdict.wrong > 0);
-                score.cells.add(grid, cells);
-            }
-        }
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        self.outbox.put((self.points, self.cells));
-        Ok(())
-    }
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Table 5.1 and annex A: the situations in which the thesis abandoned dynamic programming.
 
 use super::measure::grid_picture;
-use super::{Context, Experiment, Finding, TableValue, stage};
+use super::{Context, Experiment, Finding, stage};
+use serde_json::Value;
 use svl_core::Result;
-use svl_core::stereo::Frame;
 use svl_score::judge::{CellJudgement, CellTally, Verdict};
 use svl_sim::arena::{Arena, ArenaConfig};
 
@@ -24,36 +24,39 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 const ALGORITHMS: [&str; 2] = ["dp", "v3"];
 
-/// A view of table 5.1 or annex A: name, the thesis's observation on dp, and arena.
-type Situation = (&'static str, &'static str, fn() -> ArenaConfig);
+/// A view of table 5.1 or annex A: name, the thesis's observation on dp, and what it adds to an
+/// empty arena.
+type Situation = (&'static str, &'static str, fn(&mut ArenaConfig));
 
 const SITUATIONS: [Situation; 8] = [
     ("normal", "as expected", normal),
     ("small escape", "totally missed", small_escape),
     ("low light", "completely wrong", low_light),
-    ("single object", "–", single_object),
+    ("single object", "–", |config| {
+        config.world.balls = vec![stage::ball(0.4, 0.05, 0.08)];
+    }),
     ("infinite distance", "–", infinite_distance),
     ("tilt", "–", tilt),
-    ("dark", "–", dark),
+    ("dark", "–", |config| {
+        normal(config);
+        config.sensor.white_e_per_ms = 60.0;
+    }),
     ("too far", "–", too_far),
 ];
 
 /// Walls to the left and right, high enough to leave the view at the top, and one behind.
-fn normal() -> ArenaConfig {
-    let mut config = stage::empty();
+fn normal(config: &mut ArenaConfig) {
     config.world.blocks = vec![
         stage::block(0.7, -0.45, [0.6, 0.1, 0.6], 0.0),
         stage::block(0.5, 0.4, [0.5, 0.1, 0.6], 0.0),
         stage::block(1.3, 0.0, [3.0, 0.1, 1.0], 0.0),
     ];
-    config
 }
 
 /// The escape: a door as wide as a column of cells, in a wall 0.5 m ahead.
 const DOOR: usize = 4;
 
-fn small_escape() -> ArenaConfig {
-    let mut config = stage::empty();
+fn small_escape(config: &mut ArenaConfig) {
     // Seen from the left camera, 22 mm left of the middle, 0.5 m away: columns 4 to 5 of 6 are 81
     // mm to 163 mm right.
     let (from, to) = (0.050, 0.150);
@@ -62,82 +65,60 @@ fn small_escape() -> ArenaConfig {
         stage::block(0.5, to + 0.5, [1.0, 0.05, 0.6], 0.0),
         stage::block(1.6, 0.0, [3.0, 0.1, 1.2], 0.0),
     ];
-    config
 }
 
 /// A uniform wall in dim light.
-fn low_light() -> ArenaConfig {
-    let mut config = normal();
+fn low_light(config: &mut ArenaConfig) {
+    normal(config);
     config.sensor.white_e_per_ms = 450.0;
     config.world.forest_contrast = 0.1;
-    config
 }
 
-fn single_object() -> ArenaConfig {
-    let mut config = stage::empty();
-    config.world.balls = vec![stage::ball(0.4, 0.05, 0.08)];
-    config
-}
-
-fn infinite_distance() -> ArenaConfig {
-    let mut config = stage::empty();
+fn infinite_distance(config: &mut ArenaConfig) {
     config.world.length_m = 20.0;
     config.world.room_margin_m = 20.0;
     config.world.wall_height_m = 0.05;
-    config
 }
 
 /// The normal view with the robot's head rolled by up to 20°.
-fn tilt() -> ArenaConfig {
-    let mut config = normal();
+fn tilt(config: &mut ArenaConfig) {
+    normal(config);
     config.frames = 20;
     config.rate_hz = 10.0;
     config.robot.roll_sway_deg = 20.0;
-    config
-}
-
-fn dark() -> ArenaConfig {
-    let mut config = normal();
-    config.sensor.white_e_per_ms = 60.0;
-    config
 }
 
 /// A wall 4 m away: 3.6 px of disparity, where a pixel is a metre.
-fn too_far() -> ArenaConfig {
-    let mut config = stage::empty();
+fn too_far(config: &mut ArenaConfig) {
     config.rig.above_floor_m = 0.3;
     config.world.blocks = vec![stage::block(4.0, 0.0, [4.0, 0.1, 4.0], 0.0)];
-    config
 }
 
 /// The cells of dp and of v3 in a situation.
 type Answers = [Vec<CellJudgement>; 2];
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let mut outcomes = Vec::new();
-    let (mut rows, mut bars) = (Vec::new(), Vec::new());
-    for (name, thesis, view) in SITUATIONS {
-        let frame = most_tilted(context, &view())?;
+    let (mut outcomes, mut rows, mut bars) = (Vec::new(), Vec::new(), Vec::new());
+    for (situation, thesis, add) in SITUATIONS {
+        let mut config = stage::empty();
+        add(&mut config);
+        let frame = context.frame(&config, most_tilted(&config)?)?;
         let judged = context.judged(vec![frame], &ALGORITHMS, &stage::judge())?;
-        let mut answers = Answers::default();
+        let (mut answers, mut row) = (Answers::default(), vec![Value::from(thesis)]);
         for (i, scored) in judged[0].estimates.iter().enumerate() {
             answers[i] = scored.cells.clone().unwrap_or_default();
-            let name = format!("{name}, {}", ALGORITHMS[i]);
+            let name = format!("{situation}, {}", ALGORITHMS[i]);
             let [right, wrong, unknown] = counts(&answers[i]);
             let caption = format!("{name}: {right} right, {wrong} wrong, {unknown} unknown");
             let picture = grid_picture(caption, &judged[0].frame, scored)?;
             finding.pictures.push(picture);
-            bars.push((name, counts(&answers[i]).map(|n| n as f64).to_vec()));
+            let counts = [right, wrong, unknown].map(|count| count as f64);
+            row.extend(counts.map(Value::from));
+            bars.push((name, counts.to_vec()));
         }
-        let [[dp_right, dp_wrong, _], v3] = answers.each_ref().map(|cells| counts(cells));
-        let mut row: Vec<TableValue> = vec![thesis.into()];
-        row.extend(
-            [dp_right, dp_wrong]
-                .into_iter()
-                .chain(v3)
-                .map(TableValue::from),
-        );
-        rows.push((name.to_owned(), row));
+        // The cells that dp leaves unknown have no column.
+        row.remove(3);
+        rows.push((situation.to_owned(), row));
         outcomes.push(answers);
     }
     finding.table(
@@ -158,9 +139,9 @@ fn counts(cells: &[CellJudgement]) -> [usize; 3] {
 
 /// Adds the conditions and the sentence that summarizes them.
 fn conclude(outcomes: &[Answers], finding: &mut Finding) {
-    let count = |algorithm: usize, verdict: usize| {
-        let cells = outcomes.iter().map(|answers| counts(&answers[algorithm]));
-        cells.map(|counts| counts[verdict]).collect::<Vec<_>>()
+    let count = |algorithm: usize, verdict: usize| -> Vec<_> {
+        let answers = outcomes.iter().map(|answers| &answers[algorithm]);
+        answers.map(|cells| counts(cells)[verdict]).collect()
     };
     let (dp, v3, unknown) = (count(0, 1), count(1, 1), count(1, 2));
     let (cells, situations) = (stage::GRID.cells(), outcomes.len());
@@ -188,32 +169,25 @@ fn conclude(outcomes: &[Answers], finding: &mut Finding) {
     finding.condition(better == situations).says(format!(
         "v3 has fewer wrong cells in every situation: in {better} of {situations}."
     ));
+    let [dp, v3, unknown] = [dp, v3, unknown].map(|cells| cells.iter().sum::<usize>());
     finding.why = format!(
         "dp has {normal} of {cells} cells wrong in the normal view, {escape} with the small escape \
-         and {low} in low light, {} in all eight situations; v3 has {}, and leaves {} of the {} \
-         unknown.",
-        dp.iter().sum::<usize>(),
-        v3.iter().sum::<usize>(),
-        unknown.iter().sum::<usize>(),
+         and {low} in low light, {dp} in all eight situations; v3 has {v3}, and leaves {unknown} \
+         of the {} unknown.",
         cells * situations
     );
 }
 
-/// The frame of the run with the largest roll of the head.
-fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame> {
-    // Still views have one frame, rendered without motion blur.
-    if config.frames == 1 {
-        return context.still(config);
-    }
+/// The number of the frame with the largest roll of the head: the height of its x axis above the
+/// floor.
+fn most_tilted(config: &ArenaConfig) -> Result<u64> {
     let arena = Arena::new(config, stage::SEED)?;
-    // The roll of the head is the height of its x axis above the floor.
     let roll = |i: &u64| {
         let pose = arena.pose(*i);
         pose.map_or(0.0, |pose| (pose.rotation * nalgebra::Vector3::x()).z.abs())
     };
     let frame = (0..arena.frames()).max_by(|a, b| roll(a).total_cmp(&roll(b)));
-    context.step()?;
-    arena.frame(frame.unwrap_or(0))
+    Ok(frame.unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -253,7 +227,9 @@ mod tests {
 
     #[test]
     fn the_door_fills_its_cell() {
-        let arena = Arena::new(&small_escape(), stage::SEED).unwrap();
+        let mut config = stage::empty();
+        small_escape(&mut config);
+        let arena = Arena::new(&config, stage::SEED).unwrap();
         let frame = arena.frame(0).unwrap();
         let truth = TrueCells::new(&frame, stage::GRID, CellRule::default()).unwrap();
         let distance = |column: usize| {

@@ -1,10 +1,10 @@
 //! Figure 5.3: effect of vertical smoothing on the matches of a misaligned pair.
 
-use super::measure::{Matches, MeanMedian, percent};
+use super::measure::{Matches, percent};
 use super::{Context, Experiment, Finding, stage};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Gray, StereoPair};
-use svl_report::plot::{Axis, Series, SeriesStyle};
+use svl_report::plot::Axis;
 use svl_score::judge::{Judge, Judged};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -28,7 +28,7 @@ const ONE_PX: usize = 2;
 const VIEWS: [u64; 4] = [20, 62, 117, 262];
 /// Without and with smoothing.
 const ALGORITHMS: [&str; 2] = ["v3:smoothing_sigma=0", "v3"];
-const WITH: [&str; 2] = ["without", "with"];
+const WITH: [&str; 2] = ["without smoothing", "with smoothing"];
 const HEADS: &str = "right image too low by, smoothing | median ln SSDPI | mean ln SSDPI | \
                      valid pixels, % | right matches, % of all pixels | \
                      wrong matches, % of the matches";
@@ -41,44 +41,52 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     for offset_px in OFFSETS_PX {
         let arena = stage::aligned(offset_px)?;
         let frames = VIEWS.iter().map(|&view| arena.frame(view));
-        let (judged, outcome) = both(context, frames.collect::<Result<_>>()?)?;
+        let frames = frames.collect::<Result<_>>()?;
+        let judged = context.judged(frames, &ALGORITHMS, &Judge::default())?;
         if offset_px == OFFSETS_PX[ONE_PX] {
             for (with, scored) in WITH.iter().zip(&judged[0].estimates) {
-                let caption = format!("ln SSDPI, 1 px too low, {with} smoothing");
+                let caption = format!("ln SSDPI, 1 px too low, {with}");
                 finding.ssdpis(caption, &scored.estimate.disparity)?;
             }
         }
-        rows.extend([0, 1].map(|i| (format!("arena, {offset_px} px, {}", WITH[i]), outcome[i])));
-        outcomes.push(outcome);
+        outcomes.push(both(&judged, &format!("arena, {offset_px} px"), &mut rows));
     }
     conclude(outcomes[0], outcomes[ONE_PX], finding);
-    plot(&outcomes, finding);
-    let real = context.in_real_scenes(lowered)?;
-    let real: Vec<_> = real.into_iter().map(|(_, frame)| frame).collect();
+    for (title, label, column) in [
+        ("SSDPI of a misaligned pair", "median ln SSDPI", 0),
+        ("Wrong matches of a misaligned pair", "wrong matches, %", 4),
+    ] {
+        let axes = ["right image too low by, px", label].map(Axis::new);
+        let value = |with: usize, offset: usize| outcomes[offset][with][column];
+        finding.curves(title, axes, &WITH, &OFFSETS_PX, value);
+    }
+    let real = context.in_real_scenes(lowered)?.into_iter();
+    let real: Vec<_> = real.map(|(_, frame)| frame).collect();
     if !real.is_empty() {
-        let (judged, outcome) = both(context, real)?;
-        rows.extend([0, 1].map(|i| (format!("real scenes, 1 px, {}", WITH[i]), outcome[i])));
+        let judged = context.judged(real, &ALGORITHMS, &Judge::default())?;
+        let outcome = both(&judged, "real scenes, 1 px", &mut rows);
         conclude_real(judged.len(), outcome, finding);
     }
     finding.table(HEADS, rows);
     Ok(())
 }
 
-/// Results of the frames, and the values of their matches without and with smoothing.
-fn both(context: &mut Context<'_>, frames: Vec<Frame>) -> Result<(Vec<Judged>, [MatchValues; 2])> {
-    let judged = context.judged(frames, &ALGORITHMS, &Judge::default())?;
+/// Adds the values of the matches without and with smoothing, and returns them.
+fn both(judged: &[Judged], place: &str, rows: &mut Vec<(String, MatchValues)>) -> [MatchValues; 2] {
     let values = [0, 1].map(|algorithm| {
         let mut matches = Matches::default();
-        for judged in &judged {
+        for judged in judged {
             let map = &judged.estimates[algorithm].estimate.disparity;
             matches.add(Matches::new(&judged.frame, map));
         }
-        let MeanMedian { mean, median } = matches.spread();
+        let [mean, median] = matches.spread();
         let valid = percent(matches.count(), matches.pixels);
         let right = percent(matches.right, matches.pixels);
         [median, mean, valid, right, matches.wrong_percent()]
     });
-    Ok((judged, values))
+    let names = ["without", "with"].map(|with| format!("{place}, {with}"));
+    rows.extend(names.into_iter().zip(values));
+    values
 }
 
 /// Adds the results of an aligned pair and of one that is misaligned by 1 px, each without and
@@ -116,22 +124,6 @@ fn conclude_real(scenes: usize, [sharp, smooth]: [MatchValues; 2], finding: &mut
         "So it is on {scenes} real scenes moved by 1 px: median ln SSDPI {sharp:.2} without and \
          {smooth:.2} with smoothing, wrong matches {sharp_wrong:.1} % and {smooth_wrong:.1} %."
     ));
-}
-
-fn plot(outcomes: &[[MatchValues; 2]], finding: &mut Finding) {
-    for (what, label, column) in [
-        ("SSDPI", "median ln SSDPI", 0),
-        ("Wrong matches", "wrong matches, %", 4),
-    ] {
-        let curves = [0, 1].map(|i| {
-            let points = OFFSETS_PX.iter().zip(outcomes);
-            let points = points.map(|(px, outcome)| (*px, outcome[i][column]));
-            Series::new(&format!("{} smoothing", WITH[i]), SeriesStyle::Both, points)
-        });
-        let title = format!("{what} of a misaligned pair");
-        let x = Axis::new("right image too low by, px");
-        finding.chart(&title, [x, Axis::new(label)], curves);
-    }
 }
 
 /// The frame with the right image one row lower.

@@ -1,13 +1,13 @@
 //! Frames per second of v3 and the SVS (chapter 7).
 
-use super::{Context, Experiment, Finding, stage};
+use super::{Context, Experiment, Finding};
 use std::time::{Duration, Instant};
 use svl_core::kernel::{Isa, isa};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{RectifiedPair, StereoPair};
 use svl_core::{Error, Result, joined};
-use svl_sim::arena::{Arena, ArenaConfig};
+use svl_sim::arena::ArenaConfig;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["fps"],
@@ -37,9 +37,7 @@ const MAX_STEADY_RATIO: f64 = 1.25;
 const MIN_FRAMES_PER_S: f64 = 7.0;
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let pair = Arena::new(&ArenaConfig::default(), stage::SEED)?
-        .frame(140)?
-        .pair;
+    let pair = context.frame(&ArenaConfig::default(), 140)?.pair;
     let (baseline, picked) = (Isa::BASELINE, isa()?);
     // The thesis's computer had one core.
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -55,10 +53,8 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         context.step()?;
         let measured = one.install(|| Rates::measure(isa, &pair))?;
         for ((name, _, thesis), rate) in ALGORITHMS.iter().zip(measured.per_second) {
-            let (name, thesis) = (
-                format!("{name}, {isa}"),
-                if isa == baseline { thesis } else { "" },
-            );
+            let name = format!("{name}, {isa}");
+            let thesis = if isa == baseline { thesis } else { "" };
             finding.quantity(&name, "fps", thesis, rate);
             bars.push((name, vec![rate]));
         }
@@ -68,11 +64,10 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     }
     let [v3, svs] = rates[0].per_second;
     finding.quantity(format!("SVS over v3, {baseline}"), "", "1.2", svs / v3);
+    let (machine, numbers) = (context.machine, joined(numbers));
     finding.why = format!(
-        "On {}, one thread, v3 and bm (StereoBM) match {}; the thesis's 3 GHz PC 6 to 8 and 8 to \
-         9.",
-        context.machine,
-        joined(numbers)
+        "On {machine}, one thread, v3 and bm (StereoBM) match {numbers}; the thesis's 3 GHz PC 6 \
+         to 8 and 8 to 9."
     );
     if rates.iter().all(|rates| rates.steady) {
         conclude([v3, svs], finding);
@@ -111,10 +106,8 @@ impl Rates {
             matchers.push(matcher);
         }
         // Alternating, so that a change of the processor's clock affects both algorithms.
-        while times
-            .iter()
-            .any(|times| times.iter().sum::<Duration>() < BUDGET)
-        {
+        let is_short = |times: &Vec<Duration>| times.iter().sum::<Duration>() < BUDGET;
+        while times.iter().any(is_short) {
             for (matcher, times) in matchers.iter_mut().zip(&mut times) {
                 times.push(time(&mut **matcher)?);
             }

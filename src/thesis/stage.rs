@@ -95,10 +95,10 @@ pub(super) fn ball(ahead_m: f64, right_m: f64, radius_m: f64) -> Ball {
 }
 
 impl Context<'_> {
-    /// The first frame of an arena.
-    pub(super) fn still(&mut self, config: &ArenaConfig) -> Result<Frame> {
+    /// A frame of an arena.
+    pub(super) fn frame(&mut self, config: &ArenaConfig, index: u64) -> Result<Frame> {
         self.step()?;
-        Arena::new(config, SEED)?.frame(0)
+        Arena::new(config, SEED)?.frame(index)
     }
 }
 

@@ -1,13 +1,13 @@
 //! Figure 5.5: the difference-of-Gaussians filter along a row.
 
 use super::checks::{DELTA, SIGMA, dog_texture, smoothed, textured};
-use super::measure::{MeanMedian, percent};
-use super::{Context, Experiment, Finding, stage};
+use super::measure::{mean_and_median, percent};
+use super::{Context, Experiment, Finding};
 use svl_core::Result;
 use svl_core::matcher::stage::{DeviationTexture, TextureFilter};
 use svl_core::stereo::{Gray, Plane};
 use svl_report::plot::{Axis, Series, SeriesStyle};
-use svl_sim::arena::{Arena, ArenaConfig};
+use svl_sim::arena::ArenaConfig;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.5", "5.4"],
@@ -30,45 +30,36 @@ const VIEW: u64 = 20;
 const ROW: usize = 112;
 
 /// Columns of the table.
-const HEADS: &str = "view | pixels dropped, % | \
-                     median contrast of what is kept, grey levels | \
-                     of what is dropped, grey levels | \
-                     answers that half the brightness changes, % | \
-                     the same of the standard deviation, %";
+const HEADS: &str = "view | pixels dropped, % | median contrast of what is kept, grey levels | \
+                     of what is dropped, grey levels | answers that half the brightness changes, \
+                     % | the same of the standard deviation, %";
 
 /// Values under [`HEADS`].
 type Filtered = [f64; 5];
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let frame = Arena::new(&ArenaConfig::default(), stage::SEED)?.frame(VIEW)?;
-    context.step()?;
+    let frame = context.frame(&ArenaConfig::default(), VIEW)?;
     let left = smoothed(frame.pair.left())?;
     let kept = textured(&dog_texture(), &left)?;
-    let arena = compared(&left, &kept)?;
-    let real = context.in_real_scenes(|frame| {
-        let left = smoothed(frame.pair.left())?;
-        compared(&left, &textured(&dog_texture(), &left)?)
-    })?;
+    let mut views = vec![("arena".to_owned(), compared(&left)?)];
+    views.extend(context.in_real_scenes(|frame| compared(&smoothed(frame.pair.left())?))?);
     let dropped = kept.row(ROW).iter().filter(|kept| !**kept).count();
-    conclude(percent(dropped, left.width()), arena, &real, finding);
-    finding.table(
-        HEADS,
-        std::iter::once(("arena".to_owned(), arena)).chain(real),
-    );
+    conclude(percent(dropped, left.width()), &views, finding);
+    finding.table(HEADS, views);
     plot(left.row(ROW), kept.row(ROW), finding);
     let masked = Plane::from_fn(left.width(), left.height(), |x, y| {
         left.get(x, y) * u8::from(kept.get(x, y))
     })?;
     finding.image("the view, vertically smoothed", &left)?;
-    finding.image("what the filter keeps", &masked)?;
-    Ok(())
+    finding.image("what the filter keeps", &masked)
 }
 
-/// Adds the conditions of the arena, of whose row `row_percent` are dropped, and of the real
-/// scenes.
-fn conclude(row_percent: f64, arena: Filtered, real: &[(String, Filtered)], finding: &mut Finding) {
+/// Adds the conditions of the arena, the first view, of whose row `row_percent` are dropped, and of
+/// the real scenes.
+fn conclude(row_percent: f64, views: &[(String, Filtered)], finding: &mut Finding) {
     let is_flat = |[_, kept, dropped, ..]: Filtered| dropped <= 0.5 * kept;
     let is_steady = |[.., dog, deviation]: Filtered| dog < deviation;
+    let (arena, real) = (views[0].1, &views[1..]);
     let [image_percent, kept, dropped, dog, deviation] = arena;
     finding.why = format!(
         "The filter drops {row_percent:.0} % of the row and {image_percent:.0} % of the image, \
@@ -85,8 +76,7 @@ fn conclude(row_percent: f64, arena: Filtered, real: &[(String, Filtered)], find
          {dog:.1} % against {deviation:.1} % of the pixels."
     ));
     if !real.is_empty() {
-        let count =
-            |is: fn(Filtered) -> bool| real.iter().filter(|(_, values)| is(*values)).count();
+        let count = |is: fn(_) -> bool| real.iter().filter(|(_, values)| is(*values)).count();
         let (flat, steady, scenes) = (count(is_flat), count(is_steady), real.len());
         finding.condition(2 * flat > scenes && 2 * steady > scenes).says(format!(
             "So it is in most real scenes: the contrast in {flat}, the brightness in {steady} of \
@@ -97,8 +87,7 @@ fn conclude(row_percent: f64, arena: Filtered, real: &[(String, Filtered)], find
 
 fn plot(row: &[u8], kept: &[bool], finding: &mut Finding) {
     let line = |name: &str, values: Vec<f64>| {
-        let points = values.into_iter().enumerate();
-        let points = points.map(|(x, value)| (x as f64, value));
+        let points = (0..).map(f64::from).zip(values);
         Series::new(name, SeriesStyle::Line, points)
     };
     let x = || Axis::new("x, px").with_range(0.0, row.len() as f64);
@@ -110,33 +99,29 @@ fn plot(row: &[u8], kept: &[bool], finding: &mut Finding) {
     let curves = [line("fine", fine), line("coarse", coarse)];
     finding.chart("Differences of Gaussians", [x(), y], curves);
     let y = Axis::new("scale").with_range(0.0, 3.0);
-    let scales = kept
-        .iter()
-        .map(|&kept| if kept { 1.0 } else { 2.0 })
-        .collect();
+    let scales = kept.iter().map(|&kept| if kept { 1.0 } else { 2.0 });
+    let scales = [line("", scales.collect())];
     let title = "Scale of the stronger response: 2 is dropped";
-    finding.chart(title, [x(), y], [line("", scales)]);
+    finding.chart(title, [x(), y], scales);
 }
 
-/// The effect on an image of the filter, which keeps `kept`, and of the standard deviation.
-fn compared(image: &Gray, kept: &Plane<bool>) -> Result<Filtered> {
+/// The effect on an image of the filter and of the standard deviation.
+fn compared(image: &Gray) -> Result<Filtered> {
     let (width, height) = image.size();
+    let kept = textured(&dog_texture(), image)?;
     // Windows of 1 x 9 that lie inside the image.
     let windows = (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
     let contrast = |is_kept: bool| {
         let windows = windows.clone().filter(|&(x, y)| kept.get(x, y) == is_kept);
         let windows = windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4]));
-        MeanMedian::new(windows).median
+        mean_and_median(windows)[1]
     };
     // Integer halving, like the quantization of a camera with half the exposure.
     let dark = image.map(|v| v / 2);
-    let changes = |filter: &dyn TextureFilter| {
+    let changes = |filter: &dyn TextureFilter| -> Result<f64> {
         let (bright, dark) = (textured(filter, image)?, textured(filter, &dark)?);
-        let pairs = bright.pixels().zip(dark.pixels());
-        Result::Ok(percent(
-            pairs.filter(|(a, b)| a != b).count(),
-            width * height,
-        ))
+        let changed = bright.pixels().zip(dark.pixels()).filter(|(a, b)| a != b);
+        Ok(percent(changed.count(), width * height))
     };
     let dropped = kept.pixels().filter(|kept| !kept).count();
     Ok([

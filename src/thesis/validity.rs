@@ -1,11 +1,11 @@
 //! Figures 5.8 and 5.9: the self check compared with the symmetric check in front of a close
 //! object.
 
-use super::checks::Correlated;
+use super::checks::{Check, matches};
 use super::measure::{Matches, percent};
 use super::{Context, Experiment, Finding, stage};
 use svl_core::Result;
-use svl_core::stereo::{DisparityMap, Frame};
+use svl_core::stereo::Frame;
 use svl_report::plot::{Axis, Series, SeriesStyle};
 use svl_sim::arena::ArenaConfig;
 
@@ -32,53 +32,56 @@ const CLOSE_M: f64 = 0.2;
 const APPROACH_M: [f64; 7] = [1.0, 0.7, 0.5, 0.4, 0.3, 0.25, 0.2];
 /// The self check, and interpretations of the symmetric check: as in v1; equal disparities; right
 /// pixels matched back only if they are textured; both, which is the thesis to the letter.
-const CHECKS: [&str; 5] = [
-    "self check",
-    "symmetric check",
-    "symmetric check, 0 px",
-    "symmetric check, texture on both sides",
-    "symmetric check to the letter",
+const CHECKS: [(&str, Check); 5] = [
+    ("self check", Check::Own),
+    ("symmetric check", Check::Symmetric(1)),
+    ("symmetric check, 0 px", Check::Symmetric(0)),
+    ("symmetric check, texture on both sides", Check::Textured(1)),
+    ("symmetric check to the letter", Check::Textured(0)),
 ];
-/// Indices of the self check, and of the symmetric check as in v1 and to the letter.
-const COMPARED: [usize; 3] = [0, 1, 4];
 /// Difference of ln SSDPIs that counts as comparable.
 const MAX_COMPARABLE_DIFFERENCE: f64 = 0.5;
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
-    let frame = context.still(&close_object(CLOSE_M))?;
-    let (close, maps) = CheckComparison::new(&frame)?;
-    let dropped = close.dropped();
-    let [own, symmetric, letter] = dropped;
+    let frame = context.frame(&close_object(CLOSE_M), 0)?;
+    let close = KeptMatches::new(&frame)?.values();
+    let [[own, ..], [symmetric, ..], .., [letter, ..]] = close;
     finding.quantity("matches that the self check drops", "%", "35", own);
     let as_in_v1 = "matches that the symmetric check drops, as in v1";
     finding.quantity(as_in_v1, "%", "55", symmetric);
     finding.quantity("matches that it drops, to the letter", "%", "55", letter);
     conditions("Before the close object", &close, finding);
-    let mut why = format!("Before the close object {}", close.words());
-    let mut rows = close.rows("close object");
+    finding.why = format!("Before the close object {}", words(&close));
+    let mut rows = named(close, "close object");
     approach(context, finding)?;
-    let scenes = context.in_real_scenes(|frame| Ok(CheckComparison::new(&frame)?.0))?;
-    let scenes_drop = scenes.iter().map(|(_, scene)| scene.dropped()).collect();
-    // Pooled: each match counts once, regardless of the size of its scene.
-    let mut real = CheckComparison::default();
-    scenes.into_iter().for_each(|(_, scene)| real.add(scene));
-    if real.all.count() > 0 {
+    let scenes = context.in_real_scenes(|frame| KeptMatches::new(&frame))?;
+    let views = scenes.iter().map(|(_, scene)| scene.values()).collect();
+    plot_both_checks(views, close, finding);
+    if !scenes.is_empty() {
+        // Pooled: each match counts once, regardless of the size of its scene.
+        let mut pooled = KeptMatches::default();
+        scenes.into_iter().for_each(|(_, scene)| pooled.add(scene));
+        let real = pooled.values();
         conditions("In the real scenes", &real, finding);
-        why += &format!("; in the real scenes {}", real.words());
-        rows.extend(real.rows("real scenes"));
+        finding.why += &format!("; in the real scenes {}", words(&real));
+        rows.extend(named(real, "real scenes"));
     }
-    finding.why = why + ".";
+    finding.why += ".";
     finding.table(
         "view, check | matches dropped, % | mean ln SSDPI of the rest | median ln SSDPI of the \
          rest | right matches dropped, % | wrong among the rest, %",
         rows,
     );
-    plot_both_checks(scenes_drop, dropped, finding);
     finding.image("the left image", frame.pair.left())?;
-    let [all, own, symmetric] = &maps;
-    finding.ssdpis("ln SSDPI of all matches", all)?;
-    finding.ssdpis("ln SSDPI of what the self check keeps", own)?;
-    finding.ssdpis("ln SSDPI of what the symmetric check keeps", symmetric)
+    for (shown, check) in [
+        ("all matches", Check::Nothing),
+        ("what the self check keeps", Check::Own),
+        ("what the symmetric check keeps", Check::Symmetric(1)),
+    ] {
+        let caption = format!("ln SSDPI of {shown}");
+        finding.ssdpis(caption, &matches(&frame.pair, check)?)?;
+    }
+    Ok(())
 }
 
 /// A block rotated by 35°, a ball next to it and a wall behind.
@@ -94,44 +97,43 @@ fn close_object(ahead_m: f64) -> ArenaConfig {
 
 /// Adds a condition and a plot of the matches dropped by the checks as the object approaches.
 fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
+    let mut dropped = [[0.0; 3]; APPROACH_M.len()];
+    for (ahead_m, dropped) in APPROACH_M.iter().zip(&mut dropped) {
+        let frame = context.frame(&close_object(*ahead_m), 0)?;
+        let [[own, ..], [symmetric, ..], .., [letter, ..]] = KeptMatches::new(&frame)?.values();
+        *dropped = [own, symmetric, letter];
+    }
+    let ([far_m, .., near_m], [[.., far], .., [.., near]]) = (APPROACH_M, dropped);
+    finding.condition(near > far).says(format!(
+        "The nearer the object, the more the symmetric check drops, to the letter: {far:.1} % at \
+         {far_m} m and {near:.1} % at {near_m} m."
+    ));
     let names = [
         "self check",
         "symmetric check, as in v1",
         "symmetric check, to the letter",
     ];
-    let mut curves = names.map(|name| Series::new(name, SeriesStyle::Both, []));
-    for ahead_m in APPROACH_M {
-        let frame = context.still(&close_object(ahead_m))?;
-        let dropped = CheckComparison::new(&frame)?.0.dropped();
-        for (curve, dropped) in curves.iter_mut().zip(dropped) {
-            curve.points.push((ahead_m, dropped));
-        }
-    }
-    // The approach is not empty.
-    if let [(far_m, far), .., (near_m, near)] = curves[2].points[..] {
-        finding.condition(near > far).says(format!(
-            "The nearer the object, the more the symmetric check drops, to the letter: {far:.1} % \
-             at {far_m} m and {near:.1} % at {near_m} m."
-        ));
-    }
     let x = Axis::new("distance of the object, m");
     let y = Axis::new("matches dropped, %").with_range(0.0, 80.0);
-    finding.chart("The same object from far to near", [x, y], curves);
+    let value = |check: usize, at: usize| dropped[at][check];
+    let title = "The same object from far to near";
+    finding.curves(title, [x, y], &names, &APPROACH_M, value);
     Ok(())
 }
 
 /// Plots each view by the matches that the two checks drop.
-fn plot_both_checks(scenes: Vec<[f64; 3]>, close: [f64; 3], finding: &mut Finding) {
-    let points = |name: &str, views: &[[f64; 3]], check: usize| {
-        let points = views.iter().map(|dropped| (dropped[check], dropped[0]));
+fn plot_both_checks(scenes: Vec<CheckValues>, close: CheckValues, finding: &mut Finding) {
+    let points = |name: &str, views: &[CheckValues], check: usize| {
+        let points = views.iter().map(|checks| (checks[check][0], checks[0][0]));
         Series::new(name, SeriesStyle::Points, points)
     };
+    let thesis = [(55.0, 35.0)];
     let series = [
         points("real scenes, as in v1", &scenes, 1),
-        points("real scenes, to the letter", &scenes, 2),
+        points("real scenes, to the letter", &scenes, CHECKS.len() - 1),
         points("close object, as in v1", &[close], 1),
-        points("close object, to the letter", &[close], 2),
-        points("close object, thesis", &[[35.0, 55.0, 55.0]], 1),
+        points("close object, to the letter", &[close], CHECKS.len() - 1),
+        Series::new("close object, thesis", SeriesStyle::Points, thesis),
         Series::new("as much", SeriesStyle::Line, [(0.0, 0.0), (80.0, 80.0)]),
     ];
     let axes = ["symmetric", "self"].map(|check| {
@@ -141,32 +143,25 @@ fn plot_both_checks(scenes: Vec<[f64; 3]>, close: [f64; 3], finding: &mut Findin
     finding.chart("What both checks drop", axes, series);
 }
 
-/// The checks on the same matches.
+/// The matches of some views: all, and those that each of [`CHECKS`] keeps.
 #[derive(Clone, Debug, Default)]
-struct CheckComparison {
+struct KeptMatches {
     all: Matches,
-    /// Matches that each of [`CHECKS`] keeps.
     kept: [Matches; CHECKS.len()],
 }
 
-impl CheckComparison {
-    /// With the maps of all matches, and of those kept by the self check and the symmetric check.
-    fn new(frame: &Frame) -> Result<(Self, [DisparityMap; 3])> {
-        let correlated = Correlated::new(&frame.pair)?;
-        // v1 tolerates a pixel of difference.
-        let (own, symmetric) = (correlated.self_checked(), correlated.symmetric(1));
-        let kept = |map: &DisparityMap| Matches::new(frame, map);
-        let comparison = Self {
-            all: kept(&correlated.matches),
-            kept: [
-                kept(&own),
-                kept(&symmetric),
-                kept(&correlated.symmetric(0)),
-                kept(&correlated.symmetric_on_texture(1)),
-                kept(&correlated.symmetric_on_texture(0)),
-            ],
-        };
-        Ok((comparison, [correlated.matches, own, symmetric]))
+/// Percentages and ln SSDPIs of each of [`CHECKS`]: matches dropped, mean and median of the rest,
+/// right ones dropped, wrong ones kept.
+type CheckValues = [[f64; 5]; CHECKS.len()];
+
+impl KeptMatches {
+    fn new(frame: &Frame) -> Result<Self> {
+        let keeps = |check| Ok(Matches::new(frame, &matches(&frame.pair, check)?));
+        let (all, mut kept) = (keeps(Check::Nothing)?, <[Matches; CHECKS.len()]>::default());
+        for ((_, check), kept) in CHECKS.iter().zip(&mut kept) {
+            *kept = keeps(*check)?;
+        }
+        Ok(Self { all, kept })
     }
 
     fn add(&mut self, other: Self) {
@@ -175,61 +170,54 @@ impl CheckComparison {
         pairs.for_each(|(sum, other)| sum.add(other));
     }
 
-    /// A number of each of [`COMPARED`].
-    fn compared(&self, number: impl Fn(&Matches) -> f64) -> [f64; 3] {
-        COMPARED.map(|check| number(&self.kept[check]))
-    }
-
-    /// Fraction of the matches that a check drops, per cent.
-    fn dropped_percent(&self, kept: &Matches) -> f64 {
-        percent(self.all.count() - kept.count(), self.all.count())
-    }
-
-    fn dropped(&self) -> [f64; 3] {
-        self.compared(|kept| self.dropped_percent(kept))
-    }
-
-    fn words(&self) -> String {
-        let [own, symmetric, letter] = self.dropped();
-        let [own_wrong, symmetric_wrong, letter_wrong] = self.compared(Matches::wrong_percent);
-        format!(
-            "the self check drops {own:.0} % of the matches, the symmetric check {symmetric:.0} % \
-             as in v1 and {letter:.0} % to the letter; of the rest {own_wrong:.0} %, \
-             {symmetric_wrong:.0} % and {letter_wrong:.0} % are wrong"
-        )
-    }
-
-    /// A row per check: matches dropped, mean and median of the rest, right ones dropped, wrong
-    /// ones kept.
-    fn rows(&self, place: &str) -> Vec<(String, [f64; 5])> {
-        let row = |(check, kept): (&&str, &Matches)| {
-            let (spread, right) = (kept.spread(), self.all.right);
-            let values = [
-                self.dropped_percent(kept),
-                spread.mean,
-                spread.median,
-                percent(right - kept.right, right),
-                kept.wrong_percent(),
-            ];
-            (format!("{place}, {check}"), values)
-        };
-        CHECKS.iter().zip(&self.kept).map(row).collect()
+    fn values(&self) -> CheckValues {
+        let (matches, right) = (self.all.count(), self.all.right);
+        self.kept.each_ref().map(|kept| {
+            let dropped = percent(matches - kept.count(), matches);
+            let [mean, median] = kept.spread();
+            let right = percent(right - kept.right, right);
+            [dropped, mean, median, right, kept.wrong_percent()]
+        })
     }
 }
 
-fn conditions(place: &str, comparison: &CheckComparison, finding: &mut Finding) {
-    let [own, symmetric, letter] = comparison.dropped();
+/// The rows of a view.
+fn named(values: CheckValues, view: &str) -> Vec<(String, [f64; 5])> {
+    let names = CHECKS.iter().map(|(check, _)| format!("{view}, {check}"));
+    names.zip(values).collect()
+}
+
+fn words(values: &CheckValues) -> String {
+    let [
+        [own, .., own_wrong],
+        [symmetric, .., symmetric_wrong],
+        ..,
+        [letter, .., letter_wrong],
+    ] = values;
+    format!(
+        "the self check drops {own:.0} % of the matches, the symmetric check {symmetric:.0} % as \
+         in v1 and {letter:.0} % to the letter; of the rest {own_wrong:.0} %, \
+         {symmetric_wrong:.0} % and {letter_wrong:.0} % are wrong"
+    )
+}
+
+fn conditions(place: &str, values: &CheckValues, finding: &mut Finding) {
+    let [
+        [own, _, own_median, ..],
+        [symmetric, _, median, ..],
+        ..,
+        [letter, ..],
+    ] = values;
     for (check, dropped) in [("as in v1", symmetric), ("to the letter", letter)] {
         finding.condition(own < dropped).says(format!(
             "{place} the self check drops fewer matches than the symmetric check {check}: \
              {own:.1} % and {dropped:.1} %."
         ));
     }
-    let [own, symmetric, _] = comparison.compared(|kept| kept.spread().median);
-    let are_comparable = (own - symmetric).abs() <= MAX_COMPARABLE_DIFFERENCE;
+    let are_comparable = (own_median - median).abs() <= MAX_COMPARABLE_DIFFERENCE;
     finding.condition(are_comparable).says(format!(
         "{place} the median ln SSDPIs of what they keep are within {MAX_COMPARABLE_DIFFERENCE}: \
-         {own:.2} and {symmetric:.2}."
+         {own_median:.2} and {median:.2}."
     ));
 }
 
@@ -238,7 +226,7 @@ mod tests {
     use super::*;
     use crate::ClaimVerdict;
 
-    fn comparison(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> CheckComparison {
+    fn comparison(own: usize, symmetric: usize, letter: usize, ssdpi: [f64; 2]) -> KeptMatches {
         let kept = |matches: usize, ln_ssdpi: f64| Matches {
             pixels: 100,
             known: matches,
@@ -247,7 +235,7 @@ mod tests {
         };
         let [own, symmetric] = [kept(own, ssdpi[0]), kept(symmetric, ssdpi[1])];
         let letter = kept(letter, 6.0);
-        CheckComparison {
+        KeptMatches {
             all: kept(100, 6.0),
             kept: [own, symmetric, letter.clone(), letter.clone(), letter],
         }
@@ -256,9 +244,11 @@ mod tests {
     #[test]
     fn the_thesis_s_numbers_hold() {
         let mut finding = Finding::default();
-        conditions("There", &comparison(65, 55, 45, [6.0, 6.4]), &mut finding);
+        let values = comparison(65, 55, 45, [6.0, 6.4]).values();
+        conditions("There", &values, &mut finding);
         assert_eq!(finding.verdict(), ClaimVerdict::Holds);
-        conditions("There", &comparison(45, 65, 40, [6.0, 6.6]), &mut finding);
+        let values = comparison(45, 65, 40, [6.0, 6.6]).values();
+        conditions("There", &values, &mut finding);
         assert_eq!(
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>(),
             [true, true, true, false, true, false]
@@ -269,7 +259,8 @@ mod tests {
     fn scenes_are_pooled_by_matches() {
         let mut sum = comparison(65, 55, 45, [6.0, 6.4]);
         sum.add(comparison(85, 35, 25, [7.0, 8.0]));
-        assert_eq!(sum.dropped(), [25.0, 55.0, 65.0]);
+        let [[own, ..], [symmetric, ..], .., [letter, ..]] = sum.values();
+        assert_eq!([own, symmetric, letter], [25.0, 55.0, 65.0]);
         assert_eq!((sum.all.right, sum.kept[0].count()), (200, 150));
     }
 }

@@ -68,20 +68,20 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13123),
+    ("bench", 13090),
     ("c", 470),
     ("calibrate", 4981),
-    ("cli", 11205),
-    ("core", 19630),
+    ("cli", 10831),
+    ("core", 19627),
     ("files", 2492),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
-    ("recording", 14037),
-    ("report", 12972),
-    ("score", 8569),
+    ("recording", 14010),
+    ("report", 12973),
+    ("score", 8567),
     ("sim", 3534),
-    ("thesis", 2877),
+    ("thesis", 2664),
     ("train", 3401),
     ("viewer", 1731),
 ];

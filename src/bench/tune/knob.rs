@@ -1,8 +1,10 @@
 //! Knobs that can be turned: the parameters of an algorithm, the filters behind it, the depth grid
 //! and the rule by which its cells are scored, each with its range.
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::sync::Arc;
-use svl_core::depth::{CellDecision, GridSettings};
+use svl_core::depth::GridSettings;
 use svl_core::filter::FilterModel;
 use svl_core::matcher::{Algorithm, Parameter, Range, Value};
 use svl_core::stereo::CellRule;
@@ -118,8 +120,6 @@ const DISPARITY: [Parameter; 1] = [Parameter {
     description: "a cell is right within this difference of disparities",
 }];
 
-const ON_OFF: Range = Range::Flag { default: false };
-
 /// Distance that values are sought in the direction of a step: some algorithms accept only odd
 /// ones.
 const STEPS: i32 = 16;
@@ -188,48 +188,58 @@ fn rounded_down(value: f64) -> f64 {
     digit.unwrap_or(1.0) * power
 }
 
-/// The number of a rule that a knob is called after.
-fn field<'a>(cells: &'a mut CellRule, name: &str) -> &'a mut f64 {
-    match cells {
-        CellRule::Disparity { tolerance_px } => tolerance_px,
-        CellRule::Distance {
-            tolerance_m,
-            tolerance_percent,
-            obstacle_m,
-            clear_m,
-            beyond_m: _,
-        } => match name {
-            "tolerance_m" => tolerance_m,
-            "tolerance_percent" => tolerance_percent,
-            "obstacle_m" => obstacle_m,
-            _ => clear_m,
-        },
+/// The field of `[grid]` or `[cells]` that a knob is called after.
+fn field(table: impl Serialize, knob: &Knob) -> Value {
+    let table = serde_json::to_value(table).unwrap_or_default();
+    let field = &table[knob.name];
+    match knob.range {
+        Range::Int { .. } => Value::Int(field.as_i64().unwrap_or_default() as i32),
+        Range::Choice { default, options } => {
+            let found = options.iter().find(|option| *field == ***option);
+            Value::Choice(found.unwrap_or(&default))
+        }
+        _ => Value::Real(field.as_f64().unwrap_or_default()),
     }
+}
+
+/// `[grid]` or `[cells]` with another value of the field that a knob is called after.
+fn with_field<T: Serialize + DeserializeOwned>(table: T, knob: &Knob, value: &Value) -> Result<T> {
+    let wrong = |_| Error::Invalid(format!("{}={value}: expected {}", knob.name, knob.range));
+    let mut table = serde_json::to_value(table).map_err(wrong)?;
+    table[knob.name] = match value {
+        Value::Int(number) => (*number).into(),
+        Value::Real(number) => (*number).into(),
+        other => other.to_string().into(),
+    };
+    serde_json::from_value(table).map_err(wrong)
 }
 
 impl TunedSetting {
     /// All that can be turned: the algorithm's parameters in the order of its table, then filters,
     /// grid and cells.
     pub fn knobs(&self) -> Vec<Knob> {
-        let parameters = self.algorithm.spec().parameters.iter();
-        let filters = self.filters.iter().map(|filter| Knob {
-            part: KnobPart::Filter,
+        let filters = self.filters.iter().map(|filter| Parameter {
             name: filter.kind.spec().name,
             unit: "",
-            range: ON_OFF,
+            range: Range::Flag { default: false },
             description: "run the algorithm behind this filter",
         });
+        let filters: Vec<_> = filters.collect();
         let cells: &[Parameter] = match self.cells {
             CellRule::Distance { .. } => &DISTANCE,
             CellRule::Disparity { .. } => &DISPARITY,
         };
-        let knob = |part| move |parameter| Knob::new(part, parameter);
-        parameters
-            .map(knob(KnobPart::Algorithm))
-            .chain(filters)
-            .chain(GRID.iter().map(knob(KnobPart::Grid)))
-            .chain(cells.iter().map(knob(KnobPart::Cells)))
-            .collect()
+        let parts: [(_, &[Parameter]); 4] = [
+            (KnobPart::Algorithm, self.algorithm.spec().parameters),
+            (KnobPart::Filter, &filters),
+            (KnobPart::Grid, &GRID),
+            (KnobPart::Cells, cells),
+        ];
+        let knobs = parts.into_iter().flat_map(|(part, parameters)| {
+            let knob = move |parameter| Knob::new(part, parameter);
+            parameters.iter().map(knob)
+        });
+        knobs.collect()
     }
 
     /// The value of one of its knobs.
@@ -244,16 +254,8 @@ impl TunedSetting {
                 let mut filters = self.algorithm.filters().iter();
                 Value::Flag(filters.any(|filter| filter.kind.spec().name == knob.name))
             }
-            KnobPart::Grid => match knob.name {
-                "columns" => Value::Int(self.grid.columns as i32),
-                "rows" => Value::Int(self.grid.rows as i32),
-                "min_valid" => Value::Real(self.grid.min_valid),
-                _ => Value::Choice(match self.grid.decision {
-                    CellDecision::Median => "median",
-                    CellDecision::Safe => "safe",
-                }),
-            },
-            KnobPart::Cells => Value::Real(*field(&mut { self.cells }, knob.name)),
+            KnobPart::Grid => field(self.grid, knob),
+            KnobPart::Cells => field(self.cells, knob),
         }
     }
 
@@ -263,17 +265,16 @@ impl TunedSetting {
     /// The reason why the algorithm or the rule rejects the value beside the others.
     pub fn with(&self, knob: &Knob, value: &Value) -> Result<Self> {
         let mut changed = self.clone();
-        match (knob.part, value) {
-            (KnobPart::Algorithm, value) => {
+        match knob.part {
+            KnobPart::Algorithm => {
                 changed.algorithm = self.algorithm.with(knob.name, value)?;
                 changed.algorithm.check()?;
             }
-            (KnobPart::Filter, Value::Flag(on)) => {
+            KnobPart::Filter => {
                 let is_on = |filter: &&Arc<FilterModel>| {
-                    let name = filter.kind.spec().name;
                     let mut before = self.algorithm.filters().iter();
-                    if name == knob.name {
-                        *on
+                    if filter.kind.spec().name == knob.name {
+                        *value == Value::Flag(true)
                     } else {
                         before.any(|other| other.kind == filter.kind)
                     }
@@ -282,23 +283,10 @@ impl TunedSetting {
                 let bare = self.algorithm.written();
                 changed.algorithm = bare.parse::<Algorithm>()?.filtered(&filters);
             }
-            (KnobPart::Grid, value) => {
-                let grid = &mut changed.grid;
-                match (knob.name, value) {
-                    ("columns", Value::Int(columns)) => grid.columns = *columns as usize,
-                    ("rows", Value::Int(rows)) => grid.rows = *rows as usize,
-                    ("min_valid", Value::Real(share)) => grid.min_valid = *share,
-                    ("decision", Value::Choice("safe")) => grid.decision = CellDecision::Safe,
-                    _ => grid.decision = CellDecision::Median,
-                }
-            }
-            (KnobPart::Cells, Value::Real(value)) => {
-                *field(&mut changed.cells, knob.name) = *value;
+            KnobPart::Grid => changed.grid = with_field(self.grid, knob, value)?,
+            KnobPart::Cells => {
+                changed.cells = with_field(self.cells, knob, value)?;
                 changed.cells.validate()?;
-            }
-            (KnobPart::Filter | KnobPart::Cells, other) => {
-                let (name, range) = (knob.name, knob.range);
-                return Err(Error::Invalid(format!("{name}={other}: expected {range}")));
             }
         }
         Ok(changed)

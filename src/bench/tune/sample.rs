@@ -55,35 +55,35 @@ impl Sampler {
         if self.done {
             return Ok(false);
         }
-        let read = match self.count {
-            Some(count) => self.read_spread(count),
-            None => self.read_on(),
-        };
+        let read = self.read();
+        let is_first = self.frames.is_empty();
         match read {
             Ok(goes_on) => self.done = !goes_on,
-            Err(Error::Damaged { .. }) if !self.frames.is_empty() => self.done = true,
-            Err(error @ Error::Damaged { .. }) => {
-                self.done = true;
-                return Err(error);
+            Err(error) => {
+                let is_damaged = matches!(error, Error::Damaged { .. });
+                self.done = is_damaged || is_first && self.next > MAX_UNREADABLE;
+                if self.done && is_first {
+                    return Err(error);
+                }
             }
-            Err(error) if self.frames.is_empty() && self.next > MAX_UNREADABLE => {
-                self.done = true;
-                return Err(error);
-            }
-            Err(_) => {}
         }
         Ok(!self.done)
     }
 
-    /// The next of `wanted` out of `count` frames.
-    fn read_spread(&mut self, count: u64) -> Result<bool> {
-        let wanted = self.wanted.min(count);
-        let at = |i: u64| i * count / wanted.max(1);
-        // The first of those that are still to come: others may not have been readable.
-        let Some(index) = (0..wanted).map(at).find(|index| *index >= self.next) else {
+    /// Reads on to the next of the frames that are wanted.
+    fn read(&mut self) -> Result<bool> {
+        let index = match self.count.map(|count| (count, self.wanted.min(count))) {
+            None => Some(self.next.next_multiple_of(self.stride)),
+            Some((count, wanted)) => {
+                let mut spread = (0..wanted).map(|i| i * count / wanted);
+                // The first of those that are still to come: others may not have been readable.
+                spread.find(|index| *index >= self.next)
+            }
+        };
+        let Some(index) = index else {
             return Ok(false);
         };
-        if index > self.next && self.source.seek(index)? {
+        if index > self.next && self.count.is_some() && self.source.seek(index)? {
             self.next = index;
         }
         let is_wanted = self.next == index;
@@ -97,34 +97,18 @@ impl Sampler {
         Ok(true)
     }
 
-    /// The next frame of a source whose end is not known: when there are too many, every second one
-    /// is dropped.
-    fn read_on(&mut self) -> Result<bool> {
-        let index = self.next;
-        self.next += 1;
-        let Some(frame) = self.source.next()? else {
-            return Ok(false);
-        };
-        if index.is_multiple_of(self.stride) {
-            self.keep(frame);
-            if self.frames.len() as u64 > self.wanted {
-                let mut even = false;
-                self.frames.retain(|_| {
-                    even = !even;
-                    even
-                });
-                self.stride *= 2;
-            }
-        }
-        Ok(true)
-    }
-
+    /// Keeps a frame. When there are too many, every second one is dropped.
     fn keep(&mut self, frame: Frame) {
         if self.frames.is_empty() {
             let fits = self.limit_bytes / frame.memory_bytes().max(1);
             self.wanted = self.wanted.min(fits as u64).max(1);
         }
         self.frames.push(Arc::new(frame));
+        if self.frames.len() as u64 > self.wanted {
+            let frames = std::mem::take(&mut self.frames);
+            self.frames = frames.into_iter().step_by(2).collect();
+            self.stride *= 2;
+        }
     }
 }
 
@@ -164,13 +148,10 @@ pub fn evaluate(
 
 /// `0..count`, so that the first of them are spread over all: by the bits of the index, mirrored.
 pub fn spread_order(count: usize) -> Vec<usize> {
-    let bits = usize::BITS - count.next_power_of_two().leading_zeros() - 1;
-    let mirrored = |i: usize| match bits {
-        0 => 0,
-        bits => i.reverse_bits() >> (usize::BITS - bits),
-    };
-    let all = 0..count.next_power_of_two();
-    all.map(mirrored).filter(|i| *i < count).collect()
+    let bits = count.next_power_of_two().ilog2();
+    let mirrored = |i: usize| i.reverse_bits().unbounded_shr(usize::BITS - bits);
+    let all = (0..count.next_power_of_two()).map(mirrored);
+    all.filter(|i| *i < count).collect()
 }
 
 #[cfg(test)]

@@ -32,6 +32,17 @@ const HEADINGS: [&str; 5] = ["Input", "Scoring", "Training", "Output", "Run"];
 /// The headings of options that commands share, which one page explains.
 const SHARED: [&str; 2] = ["Source", "Cameras"];
 
+/// Options of sources that `-h` of a command shows, too: those of the first pages of the
+/// documentation.
+const IN_SHORT_HELP: [(&str, &[&str]); 3] = [
+    (
+        "svl record",
+        &["left", "right", "side_by_side", "fps", "calib"],
+    ),
+    ("svl replay", &["calib", "every", "from_s"]),
+    ("svl score", &["data", "truth", "every"]),
+];
+
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";
 
@@ -113,6 +124,8 @@ fn is_shared(arg: &Arg) -> bool {
 
 /// The command with its options in the order of their headings, and with what `-h` shows of them.
 fn with_headings(command: Command, path: &str) -> Command {
+    let own = IN_SHORT_HELP.iter().find(|(command, _)| *command == path);
+    let common = own.map_or(&[][..], |(_, options)| options);
     let command = command.mut_args(|arg| {
         let arg = with_default_in_help(accepting_negative_numbers(arg));
         if arg.is_positional() {
@@ -120,7 +133,8 @@ fn with_headings(command: Command, path: &str) -> Command {
             return arg.help_heading(None);
         }
         if is_shared(&arg) {
-            arg.hide_short_help(true)
+            let is_common = common.contains(&arg.get_id().as_str());
+            arg.hide_short_help(!is_common)
                 .hide_long_help(path != SOURCES_PAGE)
         } else {
             arg
@@ -148,7 +162,7 @@ fn with_headings(command: Command, path: &str) -> Command {
     let names = shared.filter_map(|arg| Some(format!("--{}", arg.get_long()?)));
     let names = names.collect::<Vec<_>>().join(" ");
     if !names.is_empty() && path != SOURCES_PAGE {
-        short += "Source options: svl help sources\n";
+        short += "More source options: svl help sources\n";
         let names = wrapped("", 2, &names, LAST_COLUMN);
         below = format!("Source, as svl help sources explains:\n{names}\n{below}");
     }

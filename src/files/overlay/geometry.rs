@@ -181,44 +181,23 @@ mod tests {
     #[test]
     fn a_still_scene_takes_its_nearest_point() {
         let rig = Rig::new(1000.0, (159.5, 119.5), 0.19, 30.0).unwrap();
-        let nearness = Nearness::for_frame(&frame(Some(rig), None, Some(64.0)));
-        assert_eq!(
-            (nearness.near_px(), nearness.at(64.0), nearness.at(17.0)),
-            (64.0, 1.0, 0.5)
-        );
-        assert_eq!(
-            Nearness::for_frame(&frame(None, None, Some(16.0))).near_px(),
-            16.0
-        );
-        let unknown = Nearness::for_frame(&frame(None, None, None));
-        assert_eq!(
-            [20.0, 80.0, 99.0, -1.0].map(|d| unknown.at(d)),
-            [0.25, 1.0, 1.0, 0.0]
-        );
+        let nearness = |rig, truth| Nearness::for_frame(&frame(rig, None, truth));
+        let still = nearness(Some(rig), Some(64.0));
+        assert_eq!(still.near_px(), 64.0);
+        assert_eq!([64.0, 17.0].map(|d| still.at(d)), [1.0, 0.5]);
+        assert_eq!(nearness(None, Some(16.0)).near_px(), 16.0);
+        let unknown = nearness(None, None);
+        let found = [20.0, 80.0, 99.0, -1.0].map(|d| unknown.at(d));
+        assert_eq!(found, [0.25, 1.0, 1.0, 0.0]);
     }
 
     #[test]
     fn squares_stand_in_the_middle_and_keep_the_cell_s_proportions() {
         let depth = CellDepth::new([20.0, 40.0, 80.0], None);
         let squares = squares(CELL, &depth, Nearness::new(80.0, 0.0));
-        assert_eq!(
-            squares.median,
-            Rect {
-                x: 80.0,
-                y: 100.0,
-                width: 32.0,
-                height: 40.0
-            }
-        );
-        assert_eq!(
-            squares.p20,
-            Rect {
-                x: 88.0,
-                y: 110.0,
-                width: 16.0,
-                height: 20.0
-            }
-        );
+        let sides = |rect: Rect| [rect.x, rect.y, rect.width, rect.height];
+        assert_eq!(sides(squares.median), [80.0, 100.0, 32.0, 40.0]);
+        assert_eq!(sides(squares.p20), [88.0, 110.0, 16.0, 20.0]);
         assert_eq!(squares.p80, CELL);
     }
 
@@ -229,29 +208,15 @@ mod tests {
             depth: known.then(|| CellDepth::at(8.0, None)),
             ..Cell::UNKNOWN
         };
-        let grid = DepthGrid::new(
-            GridShape {
-                columns: 3,
-                rows: 1,
-            },
-            vec![cell(true), cell(false), cell(true)],
-        )
-        .unwrap();
+        let (columns, rows) = (3, 1);
+        let cells = [true, false, true].map(cell).into();
+        let grid = DepthGrid::new(GridShape { columns, rows }, cells).unwrap();
         let marks = marks(&grid, (10, 4), Nearness::new(8.0, 0.0));
-        assert_eq!(
-            marks
-                .iter()
-                .map(|m| m.squares.is_some())
-                .collect::<Vec<_>>(),
-            [true, false, true]
-        );
-        assert_eq!(
-            marks
-                .iter()
-                .map(|m| (m.cell.x, m.cell.width))
-                .collect::<Vec<_>>(),
-            [(0.0, 3.0), (3.0, 3.0), (6.0, 4.0)]
-        );
+        let found = marks
+            .iter()
+            .map(|m| (m.cell.x, m.cell.width, m.squares.is_some()));
+        let expected = [(0.0, 3.0, true), (3.0, 3.0, false), (6.0, 4.0, true)];
+        assert_eq!(found.collect::<Vec<_>>(), expected);
         assert_eq!(marks[2].squares.unwrap().median, marks[2].cell);
     }
 }

@@ -509,50 +509,47 @@ pub(crate) fn calibration_of_size(size: (u32, u32)) -> Calibration {
 mod tests {
     use super::*;
 
+    fn k(focal: f64, cy: f64) -> Result<Matrix3<f64>, usize> {
+        matrix(&[focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0])
+    }
+
     fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
-        let p = matrix(&[
-            focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0,
-        ]);
-        let k = matrix(&[focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0]);
-        let (d, r) = (vec![0.0; 5], Ok(Matrix3::identity()));
+        let rows = [[focal, 0.0, 160.0, tx], [0.0, focal, cy, 0.0]];
         Calibration {
-            size: (320, 240),
-            binning: [1, 1],
             model: "plumb_bob".into(),
-            k,
-            d,
-            r,
-            p,
+            k: k(focal, cy),
+            d: vec![0.0; 5],
+            r: Ok(Matrix3::identity()),
+            p: matrix(&[rows.concat(), vec![0.0, 0.0, 1.0, 0.0]].concat()),
+            ..calibration_of_size((320, 240))
         }
+    }
+
+    fn changed(camera: &Calibration, change: impl FnOnce(&mut Calibration)) -> Calibration {
+        let mut changed = camera.clone();
+        change(&mut changed);
+        changed
+    }
+
+    /// A camera of that model and those coefficients.
+    fn distorted(camera: &Calibration, model: &str, d: &[f64]) -> Calibration {
+        changed(camera, |c| (c.model, c.d) = (model.into(), d.to_vec()))
+    }
+
+    #[track_caller]
+    fn check_refused<T>(result: MessageResult<T>, words: &str) {
+        let error = result.err().map(|error| error.to_string());
+        let is_it = error.as_ref().is_some_and(|error| error.contains(words));
+        assert!(is_it, "{words}: {error:?}");
     }
 
     #[test]
     fn damage_is_of_a_camera_that_was_calibrated() {
-        let good = Calibration {
-            k: matrix(&[300.0, 0.0, 1.0, 0.0, 300.0, 1.0, 0.0, 0.0, 1.0]),
-            ..calibration_of_size((4, 3))
-        };
-        let with = |focal: f64| {
-            let mut other = good.clone();
-            other.k.as_mut().unwrap()[(0, 0)] = focal;
-            other
-        };
+        let with = |focal| changed(&calibration_of_size((4, 3)), |c| c.k = k(focal, 1.0));
+        let good = with(300.0);
         assert!(good.check_damage(&good).is_ok() && with(310.0).check_damage(&good).is_ok());
-        assert!(
-            with(f64::NAN)
-                .check_damage(&good)
-                .unwrap_err()
-                .to_string()
-                .contains("finite")
-        );
-        assert!(
-            with(0.0)
-                .check_damage(&good)
-                .unwrap_err()
-                .to_string()
-                .contains("focal length")
-        );
-        for focal in [f64::NAN, 0.0] {
+        for (focal, words) in [(f64::NAN, "finite"), (0.0, "focal length")] {
+            check_refused(with(focal).check_damage(&good), words);
             assert!(with(focal).check_damage(&with(focal)).is_ok());
             assert!(good.check_damage(&with(focal)).is_ok());
         }
@@ -565,56 +562,28 @@ mod tests {
         let found = rig(&left, &right, Some(9.0)).unwrap();
         assert!((found.baseline_m() - 0.1).abs() < 1e-12);
         // P of a single camera each.
-        let alone = camera(500.0, 120.0, 0.0);
-        assert_eq!(rig(&alone, &alone, Some(0.05)).unwrap().baseline_m(), 0.05);
-        let says = |left: &Calibration, right: &Calibration, what: &str| {
-            let error = rig(left, right, None).unwrap_err().to_string();
-            assert!(error.contains(what), "{error}");
-        };
         let left = camera(500.0, 120.0, 0.0);
-        says(&left, &camera(500.0, 120.0, 50.0), "--left and --right");
-        says(&left, &left, "baseline");
-        // In millimetres, and what rounding leaves.
-        says(
-            &left,
-            &camera(500.0, 120.0, -60_000.0),
-            "1.200e2 m is not between",
-        );
-        says(
-            &left,
-            &camera(500.0, 120.0, -0.1),
-            "2.000e-4 m: the offset is likely the baseline itself",
-        );
+        assert_eq!(rig(&left, &left, Some(0.05)).unwrap().baseline_m(), 0.05);
         let rounded = camera(500.0, 120.0, -1e-9);
         let found = rig(&left, &rounded, Some(0.05)).unwrap();
         assert!((found.baseline_m() - 0.05).abs() < 1e-9);
-        says(
-            &left,
-            &camera(510.0, 120.0, -50.0),
-            "not rectified to each other",
-        );
-        says(
-            &left,
-            &camera(500.0, 122.0, -50.0),
-            "not rectified to each other",
-        );
-        says(
-            &left,
-            &Calibration {
-                p: matrix(&[0.0; 12]),
-                ..left.clone()
-            },
-            "not calibrated",
-        );
-        says(
-            &left,
-            &Calibration {
-                p: Err(0),
-                ..left.clone()
-            },
-            "not calibrated",
-        );
-        says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+        let offset = "2.000e-4 m: the offset is likely the baseline itself";
+        for ((focal, cy, tx), words) in [
+            ((500.0, 120.0, 50.0), "--left and --right"),
+            ((500.0, 120.0, 0.0), "baseline"),
+            // In millimetres, and what rounding leaves.
+            ((500.0, 120.0, -60_000.0), "1.200e2 m is not between"),
+            ((500.0, 120.0, -0.1), offset),
+            ((510.0, 120.0, -50.0), "not rectified to each other"),
+            ((500.0, 122.0, -50.0), "not rectified to each other"),
+            ((f64::NAN, 120.0, -50.0), "not calibrated"),
+        ] {
+            check_refused(rig(&left, &camera(focal, cy, tx), None), words);
+        }
+        for p in [matrix(&[0.0; 12]), Err(0)] {
+            let right = changed(&left, |c| c.p = p);
+            check_refused(rig(&left, &right, None), "not calibrated");
+        }
     }
 
     #[test]
@@ -626,8 +595,8 @@ mod tests {
         assert!((found.baseline_m() - 0.101).abs() < 1e-12);
         // Another length: one of the two is wrong in more than its sign.
         for metres in [None, Some(0.2)] {
-            let error = rig(&left, &reversed, metres).unwrap_err().to_string();
-            assert!(error.contains("i_reverse_stereo_socket_order"), "{error}");
+            let words = "i_reverse_stereo_socket_order";
+            check_refused(rig(&left, &reversed, metres), words);
         }
         let sound = camera(500.0, 120.0, -50.0);
         assert!(!left.has_reversed_baseline(&sound) && !left.needs_baseline(&sound));
@@ -641,146 +610,95 @@ mod tests {
         rectified.k.as_mut().unwrap()[(0, 0)] = 510.0;
         rectified.r = matrix(&[1.0, 0.01, 0.002, -0.01, 1.0, 0.0, -0.002, 0.0, 1.0]);
         assert!(!rectified.is_of_raw_camera());
-        let raw = Calibration {
-            d: vec![0.1],
-            ..rectified.clone()
-        };
-        assert!(raw.is_of_raw_camera());
+        assert!(changed(&rectified, |c| c.d = vec![0.1]).is_of_raw_camera());
         rectified.r.as_mut().unwrap()[(1, 1)] = 0.9999;
         assert!(rectified.is_of_raw_camera());
     }
 
     #[test]
     fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
-        let info = |binning, (x, y, width, height)| ros::CameraInfo {
-            width: 640,
-            height: 480,
-            model: "plumb_bob".into(),
-            distortion: vec![],
-            k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
-            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            p: [
-                600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0,
-            ],
-            binning,
-            roi: ros::RegionOfInterest {
+        let found = |binning, (x, y, width, height)| {
+            let p = [[600.0, 0.0, 322.0, -60.0], [0.0, 600.0, 242.0, 0.0]];
+            let p = [p[0], p[1], [0.0, 0.0, 1.0, 0.0]];
+            let roi = ros::RegionOfInterest {
                 x,
                 y,
                 height,
                 width,
-            },
+            };
+            let found = from_camera_info(ros::CameraInfo {
+                width: 640,
+                height: 480,
+                model: "plumb_bob".into(),
+                distortion: vec![],
+                k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
+                r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                p: *p.as_flattened().as_array().unwrap(),
+                binning,
+                roi,
+            });
+            let k = found.k.unwrap().transpose().as_slice()[..6].to_vec();
+            let p = found.p.unwrap().transpose().as_slice()[..8].to_vec();
+            (found, k, p)
         };
-        let k = |found: &Calibration| found.k.unwrap().transpose().as_slice().to_vec();
-        let p = |found: &Calibration| found.p.unwrap().transpose().as_slice().to_vec();
-        let whole = from_camera_info(info([0, 1], (0, 0, 0, 0)));
-        assert_eq!(
-            (whole.size, k(&whole)[0], p(&whole)[3]),
-            ((640, 480), 600.0, -60.0)
-        );
+        let (whole, k, p) = found([0, 1], (0, 0, 0, 0));
+        assert_eq!((whole.size, k[0], p[3]), ((640, 480), 600.0, -60.0));
         // The order of image_geometry's PinholeCameraModel: first the offset, then the binning; Tx
         // is scaled too, so the baseline is unchanged.
-        let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
-        assert_eq!(
-            (binned.size, &p(&binned)[..4], &p(&binned)[4..8]),
-            (
-                (320, 240),
-                &[300.0, 0.0, 161.0, -30.0][..],
-                &[0.0, 300.0, 121.0, 0.0][..]
-            )
-        );
-        let part = from_camera_info(info([2, 1], (100, 40, 320, 240)));
-        assert_eq!(
-            (part.size, &k(&part)[..6]),
-            ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])
-        );
-        assert_eq!(
-            (&p(&part)[..4], p(&part)[6]),
-            (&[300.0, 0.0, 111.0, -30.0][..], 202.0)
-        );
+        let (binned, _, p) = found([2, 2], (0, 0, 0, 0));
+        assert_eq!(binned.size, (320, 240));
+        assert_eq!(p, [300.0, 0.0, 161.0, -30.0, 0.0, 300.0, 121.0, 0.0]);
+        let (part, k, p) = found([2, 1], (100, 40, 320, 240));
+        assert_eq!(part.size, (160, 240));
+        assert_eq!(k, [300.0, 0.0, 110.0, 0.0, 602.0, 200.0]);
+        assert_eq!((&p[..4], p[6]), (&[300.0, 0.0, 111.0, -30.0][..], 202.0));
         assert!(part.check_size((160, 240)).is_ok());
-        assert!(
-            part.check_size((320, 240))
-                .unwrap_err()
-                .to_string()
-                .contains("of 160x240 pixels, these have 320x240")
-        );
-        assert!(
-            Calibration {
-                size: (0, 0),
-                ..part
-            }
-            .check_size((320, 240))
-            .is_ok(),
-            "it does not say"
-        );
+        let words = "of 160x240 pixels, these have 320x240";
+        check_refused(part.check_size((320, 240)), words);
+        let unknown = changed(&part, |c| c.size = (0, 0));
+        assert!(unknown.check_size((320, 240)).is_ok(), "it does not say");
     }
 
     #[test]
     fn raw_cameras_with_all_their_numbers_can_be_rectified() {
-        let left = Calibration {
-            d: vec![-0.28, 0.07, 0.0, 0.0],
-            ..camera(500.0, 120.0, 0.0)
-        };
+        let d = [-0.28, 0.07, 0.0, 0.0];
+        let left = changed(&camera(500.0, 120.0, 0.0), |c| c.d = d.to_vec());
         let right = camera(500.0, 120.0, -50.0);
         let found = calibration(&left, &right, None).unwrap();
-        assert_eq!(
-            (
-                *found.left().distortion(),
-                found.rig().unwrap().baseline_m()
-            ),
-            (Distortion::PlumbBob([-0.28, 0.07, 0.0, 0.0, 0.0]), 0.1)
-        );
-        let with = |model: &str, d: &[f64]| Calibration {
-            model: model.into(),
-            d: d.to_vec(),
-            ..left.clone()
-        };
-        let error = |left: Calibration, right: &Calibration| {
-            calibration(&left, right, None).unwrap_err().to_string()
-        };
-        let (fisheye, rational) = (
-            with("equidistant", &[0.1, 0.0, 0.0, 0.0]),
-            with("rational_polynomial", &[0.1; 8]),
-        );
-        for camera in [&fisheye, &rational] {
-            let right = Calibration {
-                model: camera.model.clone(),
-                d: vec![0.0; camera.d.len()],
-                ..right.clone()
-            };
-            let found = calibration(camera, &right, None).unwrap();
-            assert_eq!(found.left().distortion().coefficients(), camera.d);
+        let coefficients = Distortion::PlumbBob([-0.28, 0.07, 0.0, 0.0, 0.0]);
+        assert_eq!(*found.left().distortion(), coefficients);
+        assert_eq!(found.rig().unwrap().baseline_m(), 0.1);
+        let fisheye = [0.1, 0.0, 0.0, 0.0];
+        for (model, d) in [
+            ("equidistant", &fisheye[..]),
+            ("rational_polynomial", &[0.1; 8]),
+        ] {
+            let right = distorted(&right, model, &vec![0.0; d.len()]);
+            let found = calibration(&distorted(&left, model, d), &right, None).unwrap();
+            assert_eq!(found.left().distortion().coefficients(), d);
         }
-        let mixed = Calibration {
-            d: vec![0.1; 5],
-            ..right.clone()
-        };
-        assert!(error(fisheye, &mixed).contains("equidistant, the right one's plumb_bob"));
-        assert!(error(with("ftheta", &[]), &right).contains("'ftheta' is not supported"));
-        assert!(error(with("equidistant", &[0.1; 3]), &right).contains("3 coefficients"));
-        let zeros = Calibration {
-            model: "rational_polynomial".into(),
-            d: vec![0.0; 8],
-            ..left.clone()
-        };
+        let mixed = changed(&right, |c| c.d = vec![0.1; 5]);
+        for (model, d, right, words) in [
+            (
+                "equidistant",
+                &fisheye[..],
+                &mixed,
+                "equidistant, the right one's plumb_bob",
+            ),
+            ("ftheta", &[], &right, "'ftheta' is not supported"),
+            ("equidistant", &[0.1; 3], &right, "3 coefficients"),
+        ] {
+            check_refused(calibration(&distorted(&left, model, d), right, None), words);
+        }
+        let zeros = distorted(&left, "rational_polynomial", &[0.0; 8]);
         assert!(calibration(&zeros, &right, None).is_ok());
         for (k, r) in [
             (Err(0), left.r),
             (left.k, Err(0)),
             (left.k, Ok(Matrix3::zeros())),
         ] {
-            assert!(
-                calibration(
-                    &Calibration {
-                        k,
-                        r,
-                        ..left.clone()
-                    },
-                    &right,
-                    None
-                )
-                .is_err()
-            );
+            let incomplete = changed(&left, |c| (c.k, c.r) = (k, r));
+            assert!(calibration(&incomplete, &right, None).is_err());
         }
     }
 
@@ -793,10 +711,7 @@ mod tests {
         let change = first.change(&camera(250.0, 120.0, -25.0)).unwrap();
         assert_eq!(change.focal_px, [500.0, 250.0]);
         assert!(first.change(&camera(500.0, 121.0, -50.0)).is_some());
-        let distorted = Calibration {
-            d: vec![0.1],
-            ..first.clone()
-        };
+        let distorted = changed(&first, |c| c.d = vec![0.1]);
         assert!(first.change(&distorted).is_some());
         assert_eq!(first.focal_px(true), Some((500.0, 500.0)));
         assert_eq!(camera(0.0, 1.0, 0.0).focal_px(false), None);
@@ -804,37 +719,21 @@ mod tests {
 
     #[test]
     fn raw_cameras_are_known() {
-        let rectified = camera(500.0, 120.0, 0.0);
-        assert!(!rectified.is_of_raw_camera());
-        assert!(
-            !Calibration {
-                r: Ok(Matrix3::zeros()),
-                ..rectified.clone()
-            }
-            .is_of_raw_camera()
-        );
-        assert!(
-            Calibration {
-                d: vec![-0.28],
-                ..rectified.clone()
-            }
-            .is_of_raw_camera()
-        );
-        assert!(
-            Calibration {
-                r: matrix(&[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
-                ..rectified.clone()
-            }
-            .is_of_raw_camera()
-        );
-        // Without distortion, but projected anew: by another focal length or principal point.
-        let with = |focal: f64, cy: f64| Calibration {
-            k: matrix(&[focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0]),
-            ..rectified.clone()
-        };
-        assert!(!with(500.0, 120.0).is_of_raw_camera());
-        assert!(!with(500.001, 120.0).is_of_raw_camera());
-        assert!(with(510.0, 120.0).is_of_raw_camera());
-        assert!(with(500.0, 126.0).is_of_raw_camera());
+        let turn = matrix(&[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        let changes: [(bool, &dyn Fn(&mut Calibration)); 8] = [
+            (false, &|_| {}),
+            (false, &|c| c.r = Ok(Matrix3::zeros())),
+            (true, &|c| c.d = vec![-0.28]),
+            (true, &|c| c.r = turn),
+            // Without distortion, but projected anew: by another focal length or principal point.
+            (false, &|c| c.k = k(500.0, 120.0)),
+            (false, &|c| c.k = k(500.001, 120.0)),
+            (true, &|c| c.k = k(510.0, 120.0)),
+            (true, &|c| c.k = k(500.0, 126.0)),
+        ];
+        for (place, (is_raw, change)) in changes.into_iter().enumerate() {
+            let camera = changed(&camera(500.0, 120.0, 0.0), change);
+            assert_eq!(camera.is_of_raw_camera(), is_raw, "{place}");
+        }
     }
 }

@@ -198,9 +198,6 @@ mod tests {
         }
         let at = |stamp| track.at(stamp * MS).unwrap();
         let is_same = |a, b| Arc::ptr_eq(at(a), at(b));
-        assert_eq!(
-            [is_same(1, 2), is_same(0, 2), is_same(2, 3)],
-            [true, true, false]
-        );
+        assert!(is_same(1, 2) && is_same(0, 2) && !is_same(2, 3));
     }
 }

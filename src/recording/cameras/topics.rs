@@ -426,147 +426,132 @@ pub(crate) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> 
 mod tests {
     use super::*;
 
-    fn chosen(topics: &[&str], selection: &Selection) -> Result<[String; 2], String> {
-        let channel = |&topic: &&str| {
-            let schema = if topic.ends_with("scan") {
-                "LaserScan"
-            } else {
-                "sensor_msgs/msg/Image"
-            };
-            Channel::cdr(topic, schema)
+    fn channels(topics: &[&str]) -> Vec<Channel> {
+        let schema = |topic: &str| match topic {
+            topic if topic.ends_with("scan") => "LaserScan",
+            topic if topic.ends_with("compressed") => "sensor_msgs/msg/CompressedImage",
+            topic if topic.contains("info") => "sensor_msgs/msg/CameraInfo",
+            _ => "sensor_msgs/msg/Image",
         };
-        let channels: Vec<_> = topics.iter().map(channel).collect();
+        let channels = topics.iter();
+        channels
+            .map(|topic| Channel::cdr(topic, schema(topic)))
+            .collect()
+    }
+
+    fn chosen_by(topics: &[&str], selection: &Selection) -> Result<[String; 2], String> {
+        let channels = channels(topics);
         choose(&channels.iter().collect::<Vec<_>>(), selection)
+    }
+
+    fn chosen(topics: &[&str]) -> Result<[String; 2], String> {
+        chosen_by(topics, &Selection::default())
+    }
+
+    fn by_names(left: Option<&str>, right: Option<&str>) -> Selection {
+        let [left, right] = [left, right].map(|name| name.map(str::to_owned));
+        Selection {
+            left,
+            right,
+            ..Selection::default()
+        }
     }
 
     #[test]
     fn sides_are_known_by_their_names() {
-        for (left, right) in [
-            ("/cam0/image_raw", "/cam1/image_raw"),
-            ("/stereo/left/image_rect", "/stereo/right/image_rect"),
-            (
+        for sides in [
+            ["/cam0/image_raw", "/cam1/image_raw"],
+            ["/stereo/left/image_rect", "/stereo/right/image_rect"],
+            [
                 "/camera/infra1/image_rect_raw",
                 "/camera/infra2/image_rect_raw",
-            ),
-            ("/kitti/image_00/data", "/kitti/image_01/data"),
-            ("/oak/Left_mono", "/oak/Right_mono"),
-            ("/zed/l/gray", "/zed/r/gray"),
-            ("/left/left_image", "/right/right_image"),
+            ],
+            ["/kitti/image_00/data", "/kitti/image_01/data"],
+            ["/oak/Left_mono", "/oak/Right_mono"],
+            ["/zed/l/gray", "/zed/r/gray"],
+            ["/left/left_image", "/right/right_image"],
         ] {
-            let expected = Ok([left.to_owned(), right.to_owned()]);
-            assert_eq!(
-                chosen(&[right, "/scan", left], &Selection::default()),
-                expected
-            );
-            assert_eq!(
-                chosen(&[right, "/depth/image", left], &Selection::default()),
-                expected,
-                "one pair among three"
-            );
+            // One pair among three, too.
+            for other in ["/scan", "/depth/image"] {
+                let found = chosen(&[sides[1], other, sides[0]]);
+                assert_eq!(found, Ok(sides.map(str::to_owned)), "{other}");
+            }
         }
-        for (left, right) in [
-            ("/a", "/b"),
-            ("/cam0/image1", "/cam1/image2"),
-            ("/cam0/x", "/cam2/x"),
-            ("/2", "/3"),
+        for sides in [
+            ["/a", "/b"],
+            ["/cam0/image1", "/cam1/image2"],
+            ["/cam0/x", "/cam2/x"],
+            ["/2", "/3"],
         ] {
-            assert!(
-                chosen(&[left, right], &Selection::default()).is_err(),
-                "{left} {right}"
-            );
+            assert!(chosen(&sides).is_err(), "{sides:?}");
         }
     }
 
     #[test]
     fn the_best_variant_of_one_pair_is_used() {
-        let sides = |topics: &[&str]| -> Vec<String> {
-            let both = topics.iter().flat_map(|topic| {
-                let sides = ["left", "right"];
-                sides.map(|side| topic.replace('#', side))
-            });
-            both.collect()
-        };
-        let best = |topics: &[&str]| {
-            let topics = sides(topics);
-            let topics: Vec<_> = topics.iter().map(String::as_str).collect();
-            chosen(&topics, &Selection::default()).map(|[left, _]| left)
+        // `#` is the side.
+        let best = |topics: &str| {
+            let topics = [topics.replace('#', "left"), topics.replace('#', "right")].join(" ");
+            chosen(&topics.split(' ').collect::<Vec<_>>()).map(|[left, _]| left)
         };
         for (topics, expected) in [
             (
-                &["/#/image_raw", "/#/image_rect", "/#/image_rect_color"][..],
+                "/#/image_raw /#/image_rect /#/image_rect_color",
                 "/left/image_rect",
             ),
             (
-                &["/#/image_raw", "/#/image_color", "/#/image_mono"],
+                "/#/image_raw /#/image_color /#/image_mono",
                 "/left/image_mono",
             ),
             (
-                &[
-                    "/zed/#/color/rect/image",
-                    "/zed/#/gray/rect/image",
-                    "/zed/#/gray/raw/image",
-                ],
+                "/zed/#/color/rect/image /zed/#/gray/rect/image /zed/#/gray/raw/image",
                 "/zed/left/gray/rect/image",
             ),
             (
-                &["/#_raw/image_raw", "/#/image_rect_color"],
+                "/#_raw/image_raw /#/image_rect_color",
                 "/left/image_rect_color",
             ),
         ] {
-            assert_eq!(best(topics).as_deref(), Ok(expected), "{topics:?}");
+            assert_eq!(best(topics).as_deref(), Ok(expected), "{topics}");
         }
         // Topics of different cameras, of different sizes, and of one rank.
         for topics in [
-            ["/front/#/image_raw", "/back/#/image_rect"],
-            ["/#/image_raw", "/#/image_resize"],
-            ["/#/image_rect_mono", "/#/image_rect_gray"],
+            "/front/#/image_raw /back/#/image_rect",
+            "/#/image_raw /#/image_resize",
+            "/#/image_rect_mono /#/image_rect_gray",
         ] {
-            assert!(
-                best(&topics).unwrap_err().starts_with("which images"),
-                "{topics:?}"
-            );
+            let error = best(topics).unwrap_err();
+            assert!(error.starts_with("which images"), "{topics}");
         }
     }
 
     #[test]
     fn a_compressed_copy_is_used_without_its_original_alone() {
-        let compressed = "sensor_msgs/msg/CompressedImage";
         let copies = ["/left/image/compressed", "/right/image/compressed"];
-        let mut channels = copies.map(|topic| Channel::cdr(topic, compressed)).to_vec();
-        let chosen = |channels: &[Channel]| {
-            choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).unwrap()
-        };
-        assert_eq!(chosen(&channels), copies);
+        assert_eq!(chosen(&copies).unwrap(), copies);
         let originals = ["/left/image", "/right/image"];
-        let raw = originals.map(|topic| Channel::cdr(topic, "sensor_msgs/msg/Image"));
-        channels.extend(raw);
-        assert_eq!(chosen(&channels), originals);
+        let all = [copies, originals].concat();
+        assert_eq!(chosen(&all).unwrap(), originals);
     }
 
     #[test]
     fn a_calibration_is_of_the_processing_of_its_images() {
         let found = |infos: &[&str], topic: &str| {
-            let schema = "sensor_msgs/msg/CameraInfo";
-            let channels: Vec<_> = infos
-                .iter()
-                .map(|info| Channel::cdr(info, schema))
-                .collect();
+            let channels = channels(infos);
             calibration(&channels.iter().collect::<Vec<_>>(), topic)
         };
-        let isaac = [
-            "/left/camera_info",
-            "/left/camera_info_rect",
-            "/left/camera_info_resize",
-        ];
+        let isaac = ["", "_rect", "_resize"].map(|end| format!("/left/camera_info{end}"));
+        let isaac = isaac.each_ref().map(String::as_str);
         for (topic, expected) in [
-            ("/left/image_rect", "/left/camera_info_rect"),
-            ("/left/image_rect_color", "/left/camera_info_rect"),
-            ("/left/image_rect/compressed", "/left/camera_info_rect"),
-            ("/left/image_resize", "/left/camera_info_resize"),
-            ("/left/image_raw", "/left/camera_info"),
-            ("/left/mono", "/left/camera_info"),
+            ("image_rect", 1),
+            ("image_rect_color", 1),
+            ("image_rect/compressed", 1),
+            ("image_resize", 2),
+            ("image_raw", 0),
+            ("mono", 0),
         ] {
-            assert_eq!(found(&isaac, topic).as_deref(), Some(expected), "{topic}");
+            let found = found(&isaac, &format!("/left/{topic}"));
+            assert_eq!(found.as_deref(), Some(isaac[expected]), "{topic}");
         }
         let zed = ["/left/rect/camera_info", "/left/rect/image/camera_info"];
         assert_eq!(found(&zed, "/left/rect/image").as_deref(), Some(zed[1]));
@@ -575,56 +560,31 @@ mod tests {
 
     #[test]
     fn calibrations_elsewhere_are_a_left_and_a_right_one_for_no_other_image() {
-        let found = |topics: &[&str]| {
-            let schema = |topic: &str| {
-                if topic.contains("info") {
-                    "sensor_msgs/msg/CameraInfo"
-                } else {
-                    "sensor_msgs/msg/Image"
-                }
-            };
-            let channels = topics
-                .iter()
-                .map(|topic| Channel::cdr(topic, schema(topic)));
-            let channels: Vec<_> = channels.collect();
-            let channels: Vec<_> = channels.iter().collect();
-            found_calibrations(&channels, ["/a/left/image", "/a/right/image"])
-                .map(Option::unwrap_or_default)
-        };
         let images = ["/a/left/image", "/a/right/image"];
-        let with = |more: &[&str]| found(&[&images[..], more].concat());
-        let info = ["/info/left", "/info/right"];
-        assert_eq!(with(&info), info);
-        assert_eq!(
-            with(&["/info_right", "/info_left"]),
-            ["/info_left", "/info_right"]
-        );
-        // Both share a namespace with both cameras.
-        assert_eq!(
-            with(&["/a/info_l", "/a/info_r"]),
-            ["/a/info_l", "/a/info_r"]
-        );
-        assert_eq!(
-            with(&["/a/left/info", "/a/right/info", "/info/left", "/info/right"])[0],
-            "/a/left/info"
-        );
-        // Calibrations of other cameras, and two pairs of them.
-        let rear = [
-            "/b/left/image",
-            "/b/right/image",
-            "/b/left/info",
-            "/b/right/info",
-        ];
-        assert_eq!(with(&rear), ["", ""]);
-        assert_eq!(
-            with(&[
-                "/info/i/left",
-                "/info/i/right",
-                "/info/j/left",
-                "/info/j/right"
-            ]),
-            ["", ""]
-        );
+        for (more, expected) in [
+            ("/info/left /info/right", ["/info/left", "/info/right"]),
+            ("/info_right /info_left", ["/info_left", "/info_right"]),
+            // Both share a namespace with both cameras.
+            ("/a/info_l /a/info_r", ["/a/info_l", "/a/info_r"]),
+            (
+                "/a/left/info /a/right/info /info/left /info/right",
+                ["/a/left/info", "/a/right/info"],
+            ),
+            // Calibrations of other cameras, and two pairs of them.
+            (
+                "/b/left/image /b/right/image /b/left/info /b/right/info",
+                [""; 2],
+            ),
+            (
+                "/info/i/left /info/i/right /info/j/left /info/j/right",
+                [""; 2],
+            ),
+        ] {
+            let topics: Vec<_> = images.into_iter().chain(more.split(' ')).collect();
+            let channels = channels(&topics);
+            let found = found_calibrations(&channels.iter().collect::<Vec<_>>(), images);
+            assert_eq!(found.map(Option::unwrap_or_default), expected, "{more}");
+        }
     }
 
     #[test]
@@ -653,75 +613,56 @@ mod tests {
 
     #[test]
     fn images_that_are_not_read_are_named_with_the_cure() {
-        let complaint = |schema: &str, encoding: &str, left: Option<&str>| {
-            let channel = |topic: &str| (topic.to_owned(), schema.to_owned(), encoding.to_owned());
+        for (schema, encoding, left, words) in [
+            (
+                "my_msgs/msg/CompressedVideo",
+                "cdr",
+                Some("/cam0/image"),
+                "--left: /cam0/image: my_msgs/msg/CompressedVideo; it reads",
+            ),
+            (
+                "dai.proto.img_frame.ImgFrame",
+                "protobuf",
+                None,
+                "of DepthAI, whose images are in the videos",
+            ),
+            (
+                "foxglove_msgs/msg/RawImage",
+                "cdr",
+                None,
+                "it reads sensor_msgs/msg/Image,",
+            ),
+            ("sensor_msgs/msg/Imu", "cdr", None, "it has no images"),
+        ] {
+            let channel = |topic: &str| Channel::new(topic.into(), schema.into(), encoding.into());
             let channels = ["/cam0/image", "/cam1/image"].map(channel);
-            let channels =
-                channels.map(|(topic, schema, encoding)| Channel::new(topic, schema, encoding));
-            choose(
-                &channels.each_ref(),
-                &Selection {
-                    left: left.map(str::to_owned),
-                    ..Selection::default()
-                },
-            )
-            .unwrap_err()
-        };
-        let named = complaint("my_msgs/msg/CompressedVideo", "cdr", Some("/cam0/image"));
-        assert!(
-            named.starts_with("--left: /cam0/image: my_msgs/msg/CompressedVideo; it reads"),
-            "{named}"
-        );
-        assert!(
-            complaint("dai.proto.img_frame.ImgFrame", "protobuf", None)
-                .contains("of DepthAI, whose images are in the videos")
-        );
-        assert!(
-            complaint("foxglove_msgs/msg/RawImage", "cdr", None)
-                .contains("it reads sensor_msgs/msg/Image,")
-        );
-        assert!(complaint("sensor_msgs/msg/Imu", "cdr", None).contains("it has no images"));
+            let error = choose(&channels.each_ref(), &by_names(left, None)).unwrap_err();
+            assert!(error.contains(words), "{error}");
+            assert_eq!(error.starts_with("--left: /cam0"), left.is_some());
+        }
     }
 
     #[test]
     fn ambiguous_topics_are_asked_for() {
         let topics = ["/cam0/image", "/cam1/image", "/cam2/image", "/scan"];
-        let error = chosen(&topics, &Selection::default()).unwrap_err();
-        assert!(
-            error.contains(
-                "--left TOPIC --right TOPIC; it has /cam0/image, /cam1/image, /cam2/image"
+        let [cam0, cam1, cam2, scan] = topics;
+        let listed = "--left TOPIC --right TOPIC; it has /cam0/image, /cam1/image, /cam2/image";
+        for (left, right, expected) in [
+            (None, None, Err(listed)),
+            (Some(cam2), Some(cam0), Ok([cam2, cam0])),
+            (None, Some(cam2), Ok([cam1, cam2])),
+            (Some(cam2), None, Err("")),
+            (
+                Some("/cam9"),
+                None,
+                Err("no such topic of images; it has /cam0"),
             ),
-            "{error}"
-        );
-        let named = |left: Option<&str>, right: Option<&str>| {
-            let (left, right) = (left.map(str::to_owned), right.map(str::to_owned));
-            chosen(
-                &topics,
-                &Selection {
-                    left,
-                    right,
-                    ..Selection::default()
-                },
-            )
-        };
-        assert_eq!(
-            named(Some("/cam2/image"), Some("/cam0/image")).unwrap(),
-            ["/cam2/image", "/cam0/image"]
-        );
-        assert_eq!(
-            named(None, Some("/cam2/image")).unwrap(),
-            ["/cam1/image", "/cam2/image"]
-        );
-        assert!(named(Some("/cam2/image"), None).is_err());
-        assert!(
-            named(Some("/cam9"), None)
-                .unwrap_err()
-                .contains("no such topic of images; it has /cam0")
-        );
-        assert!(
-            named(Some("/scan"), None)
-                .unwrap_err()
-                .contains("LaserScan, not images")
-        );
+            (Some(scan), None, Err("LaserScan, not images")),
+        ] {
+            match (chosen_by(&topics, &by_names(left, right)), expected) {
+                (Err(error), Err(words)) => assert!(error.contains(words), "{error}"),
+                (found, expected) => assert_eq!(found.unwrap(), expected.unwrap()),
+            }
+        }
     }
 }

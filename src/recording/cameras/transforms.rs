@@ -323,17 +323,13 @@ mod tests {
         // Pose of the lidar's origin: a metre along the mast's x, which is base's y.
         let pose = transforms.between("camera", "/lidar").unwrap();
         let origin = pose * Point3::origin();
-        assert!(
-            (origin - Point3::new(-1.0, 3.0, 0.0)).norm() < 1e-12,
-            "{origin}"
-        );
+        let expected = Point3::new(-1.0, 3.0, 0.0);
+        assert!((origin - expected).norm() < 1e-12, "{origin}");
         let back = transforms.between("lidar", "camera").unwrap();
         assert!((back * origin).coords.norm() < 1e-12);
         assert_eq!(transforms.between("camera", "elsewhere"), None);
-        assert_eq!(
-            transforms.between("camera", "camera"),
-            Some(Isometry3::identity())
-        );
+        let own = transforms.between("camera", "camera");
+        assert_eq!(own, Some(Isometry3::identity()));
         assert!(transforms.listed().contains("mast → lidar"));
     }
 
@@ -357,12 +353,9 @@ mod tests {
             };
             let mut data = Vec::new();
             foxglove::Encode::encode(&message, &mut data).unwrap();
-            let channel = Channel::new(
-                "/tf_static".to_owned(),
-                "foxglove.FrameTransform".to_owned(),
-                "protobuf".to_owned(),
-            );
-            (channel, data)
+            let names = ["/tf_static", "foxglove.FrameTransform", "protobuf"];
+            let [topic, schema, encoding] = names.map(str::to_owned);
+            (Channel::new(topic, schema, encoding), data)
         };
         let conflict = |parent: &str, child: &str, x: f64| {
             let (channel, data) = message(parent, child, x);

@@ -149,10 +149,8 @@ mod tests {
         assert_eq!(found.size, (848, 480));
         assert_eq!(found.focal_px, (424.5, 424.5));
         assert_eq!(found.center_px, (421.25, 239.5));
-        assert_eq!(
-            found.model, "plumb_bob",
-            "no distortion, whatever its model"
-        );
+        // No distortion, whatever its model.
+        assert_eq!(found.model, "plumb_bob");
         let other = INFO.replace("=0,0,", "=0.1,0,");
         assert_eq!(calibration(&other).unwrap().model, "Inverse Brown Conrady");
         for (from, to) in [
@@ -186,9 +184,7 @@ mod tests {
             assert!(is_unit_topic(&unit, depth));
             assert!(!is_unit_topic(&unit, "/camera/depth/image_rect_raw"));
         }
-        assert!(!is_unit_topic(
-            "/device_0/sensor_1/option/Depth_Units/value",
-            depth
-        ));
+        let other = "/device_0/sensor_1/option/Depth_Units/value";
+        assert!(!is_unit_topic(other, depth));
     }
 }

@@ -143,10 +143,8 @@ mod tests {
         for i in 1..1000 {
             let x = f64::from(i).sqrt();
             let rig = Rig::new(300.0 * x, (100.0 * x, 50.0 * x), 0.1 / x, 7.0 / x).unwrap();
-            assert_eq!(
-                back(&rig).projection(Side::Right),
-                rig.projection(Side::Right)
-            );
+            let [read, written] = [back(&rig), rig].map(|rig| rig.projection(Side::Right));
+            assert_eq!(read, written);
         }
     }
 

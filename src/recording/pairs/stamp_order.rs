@@ -234,10 +234,8 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(5);
         for _ in 0..50 {
             let stamps: Vec<u64> = (0..200).map(|i| 1000 + 20 * i).collect();
-            let logged = stamps
-                .iter()
-                .map(|&stamp| (stamp, stamp - 500 + random.u64(0..1000)));
-            let mut images: Vec<_> = logged.collect();
+            let logged = |&stamp: &u64| (stamp, stamp - 500 + random.u64(0..1000));
+            let mut images: Vec<_> = stamps.iter().map(logged).collect();
             images.sort_by_key(|&(_, log)| log);
             assert_eq!(sorted(&images), stamps);
         }
@@ -245,15 +243,11 @@ mod tests {
 
     #[test]
     fn a_clock_that_jumps_back_keeps_the_order_of_the_file() {
-        let log = |at: u64| 100_000 + 100 * at;
-        let stamps: Vec<u64> = (0..40).map(|i| 50_000 + 100 * i).collect();
-        let again: Vec<u64> = (0..40).map(|i| 100 * i).collect();
-        let all: Vec<_> = stamps.into_iter().chain(again).collect();
-        let images: Vec<_> = all
-            .iter()
-            .zip(0..)
-            .map(|(&stamp, at)| (stamp, log(at)))
-            .collect();
+        let begins = [50_000, 0].into_iter();
+        let stamps = begins.flat_map(|begin| (0..40).map(move |i| begin + 100 * i));
+        let all: Vec<_> = stamps.collect();
+        let logs = (0..).map(|at| 100_000 + 100 * at);
+        let images: Vec<_> = all.iter().copied().zip(logs).collect();
         assert_eq!(sorted(&images), all);
         // Out of order after the jump, too.
         let mut shuffled = images;
@@ -269,9 +263,7 @@ mod tests {
         }
         assert_eq!([order.pop(), order.pop()], [Some(0), None]);
         order.end();
-        assert_eq!(
-            [order.pop(), order.pop(), order.pop()],
-            [Some(1), Some(2), Some(3)]
-        );
+        let rest = [(); 3].map(|()| order.pop());
+        assert_eq!(rest, [1, 2, 3].map(Some));
     }
 }

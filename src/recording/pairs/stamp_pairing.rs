@@ -318,26 +318,37 @@ pub(crate) const MAX_WAITING: usize = 16;
 mod tests {
     use super::*;
 
-    /// The stamps of the pairs from images in this order, and the numbers of the others: without a
-    /// partner, and outside the overlap.
+    /// The stamps of all pairs that are complete.
+    fn popped<T>(partners: &mut StampPairing<T>) -> Vec<(u64, u64)> {
+        let pairs = std::iter::from_fn(|| partners.pop());
+        pairs.map(|[(left, _), (right, _)]| (left, right)).collect()
+    }
+
+    /// The numbers of images without a partner, and outside the overlap.
+    fn others<T>(partners: &StampPairing<T>) -> [u64; 2] {
+        [partners.unpaired_ns().len() as u64, partners.outside()]
+    }
+
+    /// The stamps of the pairs from images in this order, and the numbers of the others.
     fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, [u64; 2]) {
         let mut partners = StampPairing::new(max_skew_ns);
         let mut pairs = Vec::new();
-        let mut collect = |partners: &mut StampPairing<()>| {
-            while let Some([(left, ()), (right, ())]) = partners.pop() {
-                pairs.push((left, right));
-            }
-        };
         for &(camera, stamp) in images {
             partners.push(camera, stamp, (), 1);
-            collect(&mut partners);
+            pairs.extend(popped(&mut partners));
         }
         partners.end();
-        collect(&mut partners);
-        (
-            pairs,
-            [partners.unpaired_ns().len() as u64, partners.outside()],
-        )
+        pairs.extend(popped(&mut partners));
+        (pairs, others(&partners))
+    }
+
+    /// Images in words: `L100 R103`.
+    fn images(words: &str) -> Vec<(Side, u64)> {
+        let image = |word: &str| {
+            let side = if word.starts_with('L') { Left } else { Right };
+            (side, word[1..].parse().unwrap())
+        };
+        words.split(' ').map(image).collect()
     }
 
     #[test]
@@ -348,7 +359,7 @@ mod tests {
         let rights = (2..9).filter(|i| *i != 5);
         rights.for_each(|i| partners.push(Right, 100 * i + 1, (), 1));
         partners.end();
-        assert_eq!(std::iter::from_fn(|| partners.pop()).count(), 6);
+        assert_eq!(popped(&mut partners).len(), 6);
         let expected = UnpairedImages {
             before: 2,
             inside: 1,
@@ -368,28 +379,20 @@ mod tests {
                     partners.forget_later(side, at);
                     partners.push(side, at, (), 1);
                 }
-                paired += std::iter::from_fn(|| partners.pop()).count();
+                paired += popped(&mut partners).len();
             }
         }
         assert_eq!((paired, partners.bytes), (5, 0));
-        assert_eq!(partners.unpaired_ns().len() as u64 + partners.outside(), 1);
+        assert_eq!(others(&partners).iter().sum::<u64>(), 1);
     }
 
     #[test]
     fn the_nearest_within_the_skew_is_the_partner() {
-        let images = [
-            (Left, 100),
-            (Right, 103),
-            (Left, 200),
-            (Right, 196),
-            (Right, 306),
-            (Left, 300),
-        ];
-        assert_eq!(pairs(5, &images), (vec![(100, 103), (200, 196)], [1, 1]));
-        assert_eq!(
-            pairs(6, &images),
-            (vec![(100, 103), (200, 196), (300, 306)], [0, 0])
-        );
+        let images = images("L100 R103 L200 R196 R306 L300");
+        let mut expected = vec![(100, 103), (200, 196)];
+        assert_eq!(pairs(5, &images), (expected.clone(), [1, 1]));
+        expected.push((300, 306));
+        assert_eq!(pairs(6, &images), (expected, [0, 0]));
     }
 
     #[test]
@@ -398,13 +401,7 @@ mod tests {
         let mut found = Vec::new();
         // The records come before, between and after the images; the pair of 500 has none.
         partners.join([100, 90]);
-        for (side, stamp) in [
-            (Left, 100),
-            (Left, 500),
-            (Right, 90),
-            (Right, 700),
-            (Left, 200),
-        ] {
+        for (side, stamp) in images("L100 L500 R90 R700 L200") {
             partners.push(side, stamp, stamp, 1);
             found.extend(std::iter::from_fn(|| partners.pop()));
         }
@@ -433,14 +430,8 @@ mod tests {
 
     #[test]
     fn an_image_is_left_to_a_nearer_one() {
-        let images = [
-            (Left, 100),
-            (Right, 120),
-            (Left, 133),
-            (Right, 153),
-            (Left, 166),
-        ];
-        assert_eq!(pairs(30, &images), (vec![(133, 120), (166, 153)], [0, 1]));
+        let found = pairs(30, &images("L100 R120 L133 R153 L166"));
+        assert_eq!(found, (vec![(133, 120), (166, 153)], [0, 1]));
     }
 
     #[test]
@@ -475,18 +466,9 @@ mod tests {
 
     #[test]
     fn messages_may_come_out_of_order() {
-        let images = [
-            (Right, 200),
-            (Right, 100),
-            (Left, 200),
-            (Left, 300),
-            (Left, 100),
-            (Right, 300),
-        ];
-        assert_eq!(
-            pairs(0, &images),
-            (vec![(100, 100), (200, 200), (300, 300)], [0, 0])
-        );
+        let found = pairs(0, &images("R200 R100 L200 L300 L100 R300"));
+        let expected = vec![(100, 100), (200, 200), (300, 300)];
+        assert_eq!(found, (expected, [0, 0]));
     }
 
     #[test]
@@ -496,23 +478,16 @@ mod tests {
             let mut found = 0;
             for stamp in stamps.step_by(10) {
                 partners.push(camera, stamp, (), WAITING_BYTES / 100 - ENTRY_BYTES);
-                found += std::iter::from_fn(|| partners.pop()).count();
+                found += popped(&mut partners).len();
             }
-            (
-                found,
-                partners.waiting[0].len(),
-                [partners.unpaired_ns().len() as u64, partners.outside()],
-                partners.late(),
-            )
+            let waiting = partners.waiting[0].len();
+            (found, waiting, others(&partners), partners.late())
         };
         assert_eq!(push(Left, 0..1500), (0, 100, [0, 50], 0));
         // The first fifty are reported as late.
         assert_eq!(push(Right, 0..1500), (100, 0, [100, 0], 50));
-        assert_eq!(
-            push(Left, 5000..6500),
-            (0, 100, [100, 50], 50),
-            "nobody is late where no partner comes"
-        );
+        // Nobody is late where no partner comes.
+        assert_eq!(push(Left, 5000..6500), (0, 100, [100, 50], 50));
         assert_eq!(push(Right, 6500..6510), (0, 99, [151, 0], 50));
     }
 
@@ -546,19 +521,12 @@ mod tests {
             let (mut partners, mut found, mut most) = (StampPairing::new(2), 0, 0);
             for (camera, stamp, _) in images {
                 partners.push(camera, stamp, (), 1);
-                found += std::iter::from_fn(|| partners.pop()).count();
+                found += popped(&mut partners).len();
                 most = most.max(partners.waiting[0].len());
             }
             partners.end();
-            found += std::iter::from_fn(|| partners.pop()).count();
-            assert_eq!(
-                (
-                    found,
-                    partners.unpaired_ns().len() as u64,
-                    partners.outside()
-                ),
-                (666, 332, 2)
-            );
+            found += popped(&mut partners).len();
+            assert_eq!((found, others(&partners)), (666, [332, 2]));
             assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");
         }
     }
@@ -582,9 +550,7 @@ mod tests {
                 .collect();
             assert!(left_over[1] <= beyond.len() as u64);
         }
-        assert_eq!(
-            pairs(u64::MAX, &[(Left, 0), (Right, u64::MAX), (Left, u64::MAX)]).0,
-            [(u64::MAX, u64::MAX)]
-        );
+        let ends = [(Left, 0), (Right, u64::MAX), (Left, u64::MAX)];
+        assert_eq!(pairs(u64::MAX, &ends).0, [(u64::MAX, u64::MAX)]);
     }
 }

@@ -239,13 +239,8 @@ pub(crate) mod tests {
         let stamp = RosStamp::new(5_000_000_007).unwrap();
         let data = cloud(&points, "probability", stamp, "left").data;
         let read = ros::read_cdr(&data, ros::point_cloud).unwrap();
-        let fields = [
-            ("x", 0, 7),
-            ("y", 4, 7),
-            ("z", 8, 7),
-            ("probability", 12, 7),
-        ];
-        assert_eq!(read.fields, fields);
+        let places = [("x", 0), ("y", 4), ("z", 8), ("probability", 12)];
+        assert_eq!(read.fields, places.map(|(name, at)| (name, at, 7)));
         assert_eq!((read.width, read.height, read.point_step), (2, 1, 16));
         assert_eq!((read.row_step, read.data.len()), (32, 32));
         assert_eq!(read.data[8..12], 2.0f32.to_le_bytes());

@@ -265,11 +265,8 @@ mod tests {
         assert!((scan.ranges[n - 1] - 1.0 / last.cos()).abs() < 1e-5);
         let of_column = |column: f64| scan.ranges[((3.5 - column) / 4.0 * n as f64) as usize];
         assert_eq!(of_column(1.0), f64::INFINITY);
-        let third = of_column(2.0);
-        assert!(
-            (3.0..3.1).contains(&third),
-            "an obstacle beside an unknown cell"
-        );
+        // An obstacle beside an unknown cell.
+        assert!((3.0..3.1).contains(&of_column(2.0)));
     }
 
     #[test]
@@ -308,25 +305,15 @@ mod tests {
 
     #[test]
     fn a_frame_that_no_driver_has_is_published() {
-        assert!(
-            static_transforms("cam_optical_frame", None, 1)
-                .unwrap()
-                .is_none()
-        );
-        let sent = static_transforms("stereo_left", Some(0.3), 1)
-            .unwrap()
-            .unwrap();
-        let read = ros::read_cdr(&sent.into_data(), ros::transforms).unwrap();
+        let none = static_transforms("cam_optical_frame", None, 1);
+        assert!(none.unwrap().is_none());
+        let sent = static_transforms("stereo_left", Some(0.3), 1);
+        let data = sent.unwrap().unwrap().into_data();
+        let read = ros::read_cdr(&data, ros::transforms).unwrap();
         let (_, (_, floor, place, _)) = &read[1];
-        assert_eq!(
-            (floor.as_str(), *place),
-            ("base_footprint", [0.0, 0.3, 0.0])
-        );
+        assert_eq!((&**floor, *place), ("base_footprint", [0.0, 0.3, 0.0]));
         let (_, (parent, child, _, [x, y, z, w])) = &read[0];
-        assert_eq!(
-            (parent.as_str(), child.as_str()),
-            ("stereo_left", "stereo_left_scan")
-        );
+        assert_eq!([parent, child], ["stereo_left", "stereo_left_scan"]);
         let rotation = nalgebra::Quaternion::new(*w, *x, *y, *z);
         let rotation = nalgebra::Unit::new_normalize(rotation);
         // Forward is z of the optical frame, up is -y.

@@ -202,11 +202,10 @@ mod tests {
     }
 
     fn read(encoding: &str, big_endian: bool, data: &[u8]) -> MessageResult<Vec<f32>> {
-        let (width, step) = (2, data.len() as u32);
         let image = RawPixels {
-            width,
+            width: 2,
             height: 1,
-            step,
+            step: data.len() as u32,
             encoding,
             big_endian,
             data,
@@ -216,55 +215,44 @@ mod tests {
 
     #[test]
     fn millimetres_and_metres() {
-        assert_eq!(read("16UC1", false, &[0xE8, 3, 1, 0]), Ok(vec![1.0, 0.001]));
-        assert_eq!(read("16UC1", true, &[3, 0xE8, 0, 1]), Ok(vec![1.0, 0.001]));
-        assert_eq!(
-            read("mono16", false, &[0xE8, 3, 1, 0]),
-            Ok(vec![1.0, 0.001])
-        );
         let floats = |values: [f32; 2]| values.map(f32::to_le_bytes).concat();
-        let doubles = [0.5, 2.0].map(f64::to_le_bytes).concat();
-        assert_eq!(read("64FC1", false, &doubles), Ok(vec![0.5, 2.0]));
-        let big = [0.5, 2.0].map(f64::to_be_bytes).concat();
-        assert_eq!(read("64FC1", true, &big), Ok(vec![0.5, 2.0]));
-        let big = [0.5, 2.0_f32].map(f32::to_be_bytes).concat();
-        assert_eq!(read("32FC1", true, &big), Ok(vec![0.5, 2.0]));
+        let doubles = |values: [f64; 2]| values.map(f64::to_le_bytes).concat();
+        let big_doubles = [0.5, 2.0].map(f64::to_be_bytes).concat();
+        let big_floats = [0.5, 2.0_f32].map(f32::to_be_bytes).concat();
+        for (encoding, big_endian, data, expected) in [
+            ("16UC1", false, vec![0xE8, 3, 1, 0], [1.0, 0.001]),
+            ("16UC1", true, vec![3, 0xE8, 0, 1], [1.0, 0.001]),
+            ("mono16", false, vec![0xE8, 3, 1, 0], [1.0, 0.001]),
+            ("64FC1", false, doubles([0.5, 2.0]), [0.5, 2.0]),
+            ("64FC1", true, big_doubles, [0.5, 2.0]),
+            ("32FC1", true, big_floats, [0.5, 2.0]),
+            ("32FC1", false, floats([0.5, 2.0]), [0.5, 2.0]),
+            (
+                "32FC1",
+                false,
+                floats([f32::INFINITY, 2.0]),
+                [f32::INFINITY, 2.0],
+            ),
+            // Most are of a wrong sign.
+            ("32FC1", false, floats([-0.5, -2.0]), [-0.5, -2.0]),
+        ] {
+            assert_eq!(read(encoding, big_endian, &data), Ok(expected.to_vec()));
+        }
         // Beyond the range of 32 bits.
-        let far = [1e300, -1e300].map(f64::to_le_bytes).concat();
-        let far = read("64FC1", false, &far).unwrap();
+        let far = read("64FC1", false, &doubles([1e300, -1e300])).unwrap();
         assert!(far[0] == f32::INFINITY && far[1].is_nan());
-        assert_eq!(
-            read("32FC1", false, &floats([f32::INFINITY, 2.0])),
-            Ok(vec![f32::INFINITY, 2.0])
-        );
-        assert_eq!(
-            read("32FC1", false, &floats([0.5, 2.0])),
-            Ok(vec![0.5, 2.0])
-        );
-        // Most are of a wrong sign.
-        let negative = read("32FC1", false, &floats([-0.5, -2.0]));
-        assert_eq!(negative, Ok(vec![-0.5, -2.0]));
         for none in [0.0, -1.0, f32::NAN, f32::NEG_INFINITY] {
             let read = read("32FC1", false, &floats([none, 2.0])).unwrap();
             assert!(read[0].is_nan() && read[1] == 2.0, "{none}");
         }
-        assert!(
-            read("16UC1", false, &[0, 0, 0, 0])
-                .unwrap()
-                .iter()
-                .all(|z| z.is_nan())
-        );
-        assert!(
-            read("16UC1", false, &[0, 0, 0])
-                .unwrap_err()
-                .to_string()
-                .contains("does not fit")
-        );
-        assert!(
-            read("mono8", false, &[0, 0])
-                .unwrap_err()
-                .to_string()
-                .contains("16UC1")
-        );
+        let zeros = read("16UC1", false, &[0; 4]).unwrap();
+        assert!(zeros.iter().all(|z| z.is_nan()));
+        for (encoding, data, words) in [
+            ("16UC1", &[0; 3][..], "does not fit"),
+            ("mono8", &[0; 2], "16UC1"),
+        ] {
+            let error = read(encoding, false, data).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
     }
 }

@@ -230,16 +230,18 @@ mod tests {
 
     #[test]
     fn a_change_is_real_by_the_courses_and_not_by_the_worst() {
-        let judged = |before: &[u64], after: &[u64]| judged(before, after, "collisions");
-        assert_eq!(judged(&[0; 8], &[1; 8]), Judgement::Worse);
-        assert_eq!(judged(&[1; 8], &[0; 8]), Judgement::Better);
-        assert_eq!(judged(&[0; 8], &[0; 8]), Judgement::Equal);
-        assert_eq!(judged(&[0; 5], &[1; 5]), Judgement::TooFew);
         let one_course = [0, 0, 0, 0, 0, 0, 0, 90];
-        assert_eq!(judged(&[0; 8], &one_course), Judgement::TooFew);
-        let five_of_six = [1, 1, 1, 1, 1, 0, 90, 0];
-        let before = [0, 0, 0, 0, 0, 1, 90, 0];
-        assert_eq!(judged(&before, &five_of_six), Judgement::Unclear);
+        let five_of_six = [[0, 0, 0, 0, 0, 1, 90, 0], [1, 1, 1, 1, 1, 0, 90, 0]];
+        for (before, after, judgement) in [
+            (&[0; 8][..], &[1; 8][..], Judgement::Worse),
+            (&[1; 8], &[0; 8], Judgement::Better),
+            (&[0; 8], &[0; 8], Judgement::Equal),
+            (&[0; 5], &[1; 5], Judgement::TooFew),
+            (&[0; 8], &one_course, Judgement::TooFew),
+            (&five_of_six[0], &five_of_six[1], Judgement::Unclear),
+        ] {
+            assert_eq!(judged(before, after, "collisions"), judgement);
+        }
     }
 
     #[test]
@@ -282,18 +284,14 @@ mod tests {
         assert_eq!((table.rows.len(), more), (3, 0));
         let mut late = drives(&[1]);
         late[0].arrived = false;
-        let late = CourseChanges::new(&[[&drives(&[0])[0], &late[0]]])
-            .table()
-            .0;
+        let sound = drives(&[0]);
+        let (late, _) = CourseChanges::new(&[[&sound[0], &late[0]]]).table();
         assert_eq!(late.rows[0][1], TableCell::Alert("yes → late".to_owned()));
         let many = (drives(&[0; 40]), drives(&[1; 40]));
         let pairs: Vec<_> = many.0.iter().zip(&many.1).map(<[_; 2]>::from).collect();
         let changes = CourseChanges::new(&pairs);
-        assert!(
-            changes
-                .words()
-                .contains("courses 0, 1, 2, 3, 4, 5, 34 more")
-        );
+        let words = "courses 0, 1, 2, 3, 4, 5, 34 more";
+        assert!(changes.words().contains(words));
         assert_eq!(changes.table().1, 10);
     }
 }

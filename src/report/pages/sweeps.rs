@@ -51,39 +51,22 @@ mod tests {
 
     #[test]
     fn algorithms_that_differ_in_one_number_are_a_sweep() {
-        let texts = [
-            "v3",
-            "sgm:p1=20",
-            "v3:texture_sigma=0.8",
-            "bm",
-            "sgm:p1=5",
-            "v3:texture_sigma=0.2",
-            "sgm:p1=5,p2=84",
-        ];
-        let algorithms: Vec<Algorithm> = texts.iter().map(|t| t.parse().unwrap()).collect();
+        let texts = "v3 sgm:p1=20 v3:texture_sigma=0.8 bm sgm:p1=5 v3:texture_sigma=0.2 \
+                     sgm:p1=5,p2=84";
+        let algorithms = texts.split(' ').map(|text| text.parse().unwrap());
+        let algorithms: Vec<Algorithm> = algorithms.collect();
         let algorithms = Manifest::new("s", &algorithms).unwrap().algorithms;
-        let found: Vec<_> = sweeps(&algorithms)
-            .into_iter()
-            .map(|s| {
-                (
-                    format!("{}: {}", s.algorithm, s.parameter),
-                    s.points
-                        .into_iter()
-                        .map(|(value, _)| value)
-                        .collect::<Vec<_>>()
-                        .join(" "),
-                )
-            })
-            .collect();
+        let found = sweeps(&algorithms).into_iter().map(|sweep| {
+            let values: Vec<_> = sweep.points.into_iter().map(|(value, _)| value).collect();
+            let (algorithm, parameter) = (sweep.algorithm, sweep.parameter);
+            format!("{algorithm}: {parameter}: {}", values.join(" "))
+        });
         let expected = [
-            ("v3: texture_sigma", "0.2 0.4 0.8"),
-            ("sgm: p1", "5 20"),
-            ("sgm: p2", "80 84"),
+            "v3: texture_sigma: 0.2 0.4 0.8",
+            "sgm: p1: 5 20",
+            "sgm: p2: 80 84",
         ];
-        assert_eq!(
-            found,
-            expected.map(|(name, values)| (name.to_owned(), values.to_owned()))
-        );
+        assert_eq!(found.collect::<Vec<_>>(), expected);
         assert!(sweeps(&algorithms[..2]).is_empty());
     }
 }

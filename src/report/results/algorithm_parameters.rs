@@ -4,6 +4,7 @@ use super::table_writer::field_metadata;
 use polars::prelude::{Column, DataFrame, ParquetWriter};
 use std::collections::BTreeSet;
 use std::fs::File;
+use std::io::BufWriter;
 use std::path::Path;
 use std::str::FromStr;
 use svl_core::{Error, Result};
@@ -49,7 +50,7 @@ pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result
     let columns = columns.into_iter().map(|(name, cells)| stored(name, cells));
     let mut frame = DataFrame::new(algorithms.len(), columns.collect()).map_err(failed)?;
     let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
-    ParquetWriter::new(file)
+    ParquetWriter::new(BufWriter::new(file))
         .with_key_value_metadata(Some(field_metadata(frame.schema(), &[])))
         .finish(&mut frame)
         .map_err(failed)?;

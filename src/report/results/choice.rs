@@ -436,21 +436,14 @@ mod tests {
             tested.unfit.get("own").copied()
         };
         assert_eq!(unfit(200, half, all_but_few), None);
-        assert_eq!(
-            unfit(200, all_but_few, all_but_few),
-            None,
-            "the scene hardly changes"
-        );
-        assert_eq!(
-            unfit(200, half, |i| i % 20 < 10),
-            Some(Unfit::Over("wrong", 10))
-        );
+        // The scene hardly changes.
+        assert_eq!(unfit(200, all_but_few, all_but_few), None);
+        let over = Some(Unfit::Over("wrong", 10));
+        assert_eq!(unfit(200, half, |i| i % 20 < 10), over);
         assert_eq!(unfit(20, few, all_but_few), Some(Unfit::TooFewPairs));
         let still = tested(200, all_but_few, |_| true);
         let words = still.cautions().join(" ");
-        assert!(
-            words.contains("hardly changes") && words.contains("95.0 %"),
-            "{words}"
-        );
+        let is_still = words.contains("hardly changes") && words.contains("95.0 %");
+        assert!(is_still, "{words}");
     }
 }

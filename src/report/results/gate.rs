@@ -245,17 +245,13 @@ mod tests {
 
     /// Ten pairs with so many near obstacles each, in which none is missed.
     fn pairs(near: f64) -> Vec<Row> {
-        let metrics = MetricValues::from([
-            ("right", 5.0),
-            ("wrong", 1.0),
-            ("unknown", 2.0),
-            ("near", near),
-            ("found", near),
-            ("missed", 0.0),
-            ("false", 0.0),
-            ("close", 0.0),
-            ("blind", 0.0),
-        ]);
+        let mut metrics = MetricValues::from([("right", 5.0), ("wrong", 1.0), ("unknown", 2.0)]);
+        for (name, value) in [("near", near), ("found", near)] {
+            metrics.set(name, Some(value));
+        }
+        for name in ["missed", "false", "close", "blind"] {
+            metrics.set(name, Some(0.0));
+        }
         let row = |sequence| Row {
             sequence,
             metrics,
@@ -325,51 +321,42 @@ mod tests {
 
     #[test]
     fn errors_that_leave_out_cells_pass_no_limit() {
-        let state =
-            |far: u32, frames: u64, limit: serde_json::Value| gated(1.0, far, frames, limit);
+        let state = |far, limit: serde_json::Value| gated(1.0, far, 2, limit);
         for name in ["rmse", "median_error", "abs_rel", "noise"] {
             let limit = json!({ "metric": name, "max": 0.25 });
-            assert_eq!(state(0, 2, limit.clone()).state, GateState::Pass, "{name}");
+            assert_eq!(state(0, limit.clone()).state, GateState::Pass, "{name}");
             // Six of ten cells are at infinity, and all others exact.
-            let found = state(6, 2, limit);
+            let found = state(6, limit);
             assert_eq!(found.state, GateState::NotMeasured, "{found}");
             let limit = json!({ "metric": name, "max": 0.25, "min_share": 0.4 });
-            assert_eq!(state(6, 2, limit).state, GateState::Pass, "{name}");
+            assert_eq!(state(6, limit).state, GateState::Pass, "{name}");
         }
-        let found = state(6, 2, json!({ "metric": "rmse", "max": 0.25 })).to_string();
+        let found = state(6, json!({ "metric": "rmse", "max": 0.25 })).to_string();
         let words = "it rests on 8 of 20 known cells with a finite truth, and needs 95 %";
         assert!(found.contains(words), "{found}");
-        let bias = state(6, 2, json!({ "metric": "bias", "max_magnitude": 0.1 }));
+        let bias = state(6, json!({ "metric": "bias", "max_magnitude": 0.1 }));
         assert_eq!(bias.state, GateState::NotMeasured, "{bias}");
     }
 
     #[test]
     fn a_bias_is_limited_from_both_sides() {
-        let limit = |keys: serde_json::Value| gated(1.0, 0, 2, keys).state;
-        assert_eq!(
-            limit(json!({ "metric": "bias", "max_magnitude": 0.1 })),
-            GateState::Pass
-        );
+        let both = json!({ "metric": "bias", "max_magnitude": 0.1 });
         let far = json!({ "metric": "bias", "min": -2, "max": -1 });
-        assert_eq!(limit(far), GateState::Fail);
+        for (limit, state) in [(both, GateState::Pass), (far, GateState::Fail)] {
+            assert_eq!(gated(1.0, 0, 2, limit).state, state);
+        }
     }
 
     #[test]
     fn changes_need_two_frames_and_carry_their_cells() {
         for name in ["noise", "flicker"] {
             let limit = json!({ "metric": name, "max": 0.1 });
-            assert_eq!(
-                gated(1.0, 0, 1, limit.clone()).state,
-                GateState::NotMeasured
-            );
+            let one = gated(1.0, 0, 1, limit.clone());
+            assert_eq!(one.state, GateState::NotMeasured);
             let found = gated(1.0, 0, 3, limit);
             assert_eq!(found.state, GateState::Pass, "{found}");
-            assert!(
-                found
-                    .to_string()
-                    .contains("over 3 frames, 20 cells at rest"),
-                "{found}"
-            );
+            let words = "over 3 frames, 20 cells at rest";
+            assert!(found.to_string().contains(words), "{found}");
             let limit = json!({ "metric": name, "max": 0.1, "min_cases": 4 });
             assert_eq!(gated(1.0, 0, 3, limit).state, GateState::NotMeasured);
         }

@@ -312,62 +312,46 @@ mod tests {
         at_level(&tables).1
     }
 
-    const PLAIN: [(&str, f64); 6] = [
-        ("right", 61.0),
-        ("wrong", 16.0),
-        ("unknown", 24.0),
-        ("near", 50.0),
-        ("missed", 2.0),
-        ("found", 40.0),
-    ];
+    const NAMES: [&str; 6] = ["right", "wrong", "unknown", "missed", "found", "near"];
 
-    /// [`PLAIN`] with other numbers.
+    /// The numbers of a pair: right, wrong and unknown cells, missed and found obstacles, all.
+    fn numbers(values: [f64; 6]) -> [(&'static str, f64); 6] {
+        std::array::from_fn(|i| (NAMES[i], values[i]))
+    }
+
+    fn plain() -> [(&'static str, f64); 6] {
+        numbers([61.0, 16.0, 24.0, 2.0, 40.0, 50.0])
+    }
+
+    /// The same with other numbers.
     fn changed(changes: Counts<'_>) -> Vec<(&'static str, f64)> {
         let changed = |(name, value)| {
             let own = changes.iter().find(|(own, _)| *own == name);
             (name, own.map_or(value, |(_, value)| *value))
         };
-        PLAIN.into_iter().map(changed).collect()
+        plain().into_iter().map(changed).collect()
     }
 
     #[test]
     fn all_that_is_lost_is_named_in_its_order() {
-        let broken = |changes: Counts<'_>| breaks(pairs(80, [&PLAIN, &changed(changes)]));
-        let all = [
-            ("right", 53.0),
-            ("unknown", 26.0),
-            ("wrong", 22.0),
-            ("missed", 5.0),
-            ("found", 35.0),
-        ];
+        let broken = |values| breaks(pairs(80, [&plain(), &numbers(values)]));
         let words = "10: missed near 4 → 10 %, found near 80 → 70 %, wrong 16 → 22 %, \
                      right 60 → 52 %";
-        assert_eq!(broken(&all), words);
+        assert_eq!(broken([53.0, 22.0, 26.0, 5.0, 35.0, 50.0]), words);
         // A blind algorithm misses nothing.
-        let blind = [
-            ("missed", 0.0),
-            ("found", 0.0),
-            ("right", 1.0),
-            ("unknown", 100.0),
-            ("wrong", 0.0),
-        ];
-        assert_eq!(broken(&blind), "10: found near 80 → 0 %, right 60 → 0 %");
-        let less = [
-            ("right", 56.0),
-            ("unknown", 25.0),
-            ("wrong", 20.0),
-            ("missed", 4.0),
-            ("found", 36.0),
-        ];
-        assert_eq!(broken(&less), NONE);
-        assert_eq!(broken(&[]), NONE);
+        let blind = broken([1.0, 0.0, 100.0, 0.0, 0.0, 50.0]);
+        assert_eq!(blind, "10: found near 80 → 0 %, right 60 → 0 %");
+        assert_eq!(broken([56.0, 20.0, 25.0, 4.0, 36.0, 50.0]), NONE);
+        assert_eq!(broken(plain().map(|(_, value)| value)), NONE);
     }
 
     #[test]
     fn few_pairs_and_no_cells_tell_nothing() {
         let worse = changed(&[("wrong", 40.0), ("right", 30.0)]);
-        assert_eq!(breaks(pairs(20, [&PLAIN, &worse])), "too few pairs to tell");
-        assert_eq!(breaks(pairs(20, [&PLAIN; 2])), "too few pairs to tell");
+        for perturbed in [&worse[..], &plain()] {
+            let found = breaks(pairs(20, [&plain(), perturbed]));
+            assert_eq!(found, "too few pairs to tell");
+        }
         let nothing = [("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)];
         assert_eq!(breaks(pairs(80, [&nothing; 2])), "not measured");
     }
@@ -376,12 +360,8 @@ mod tests {
     fn without_truth_the_unperturbed_answer_is_kept() {
         let known = [("known", 0.9)];
         let kept = |same: f64| {
-            let own = [
-                ("known", 0.9),
-                ("same", same),
-                ("changed", 100.0 - same),
-                ("gone", 0.0),
-            ];
+            let kept = [("same", same), ("changed", 100.0 - same), ("gone", 0.0)];
+            let own = [&known[..], &kept].concat();
             let tables = ReportTables {
                 rows: pairs(80, [&known, &own]),
                 ..ReportTables::default()
@@ -415,7 +395,7 @@ mod tests {
                 stress: stress.map(str::to_owned),
             };
             let tables = ReportTables {
-                rows: pairs(80, [&PLAIN; 2]),
+                rows: pairs(80, [&plain(), &plain()]),
                 checkpoints: [(before, None), (now, Some("jpeg=10"))].map(row).into(),
                 ..ReportTables::default()
             };
@@ -443,17 +423,15 @@ mod tests {
             };
             let tables = ReportTables {
                 // The cells of two paths are not comparable.
-                rows: pairs(80, [&PLAIN, &changed(&[("right", 1.0)])]),
+                rows: pairs(80, [&plain(), &changed(&[("right", 1.0)])]),
                 drives: [level(None), level(Some("jpeg=10"))].concat(),
                 ..ReportTables::default()
             };
             at_level(&tables).1
         };
         let hit = |row: &mut DriveRow| (row.finished, row.collisions) = (false, 1);
-        assert_eq!(
-            broken(8, hit),
-            "10: collisions 0.0 → 16.7 per 100 m, finished 100 → 0 %"
-        );
+        let words = "10: collisions 0.0 → 16.7 per 100 m, finished 100 → 0 %";
+        assert_eq!(broken(8, hit), words);
         assert_eq!(broken(5, hit), "too few courses to tell");
         assert_eq!(broken(1, |_| ()), "too few courses to tell");
         let near = |row: &mut DriveRow| row.near_misses = 2;

@@ -243,15 +243,12 @@ mod tests {
     fn settings_that_differ_by_luck_alone_score_as_all() {
         // Each block is as good for a setting as a die says: 50 in the mean.
         let mut random = fastrand::Rng::with_seed(5);
-        let dice: Vec<f64> = (0..40 * 20)
-            .map(|_| f64::from(random.u32(0..=100)))
-            .collect();
+        let dice = (0..40 * 20).map(|_| f64::from(random.u32(0..=100)));
+        let dice: Vec<_> = dice.collect();
         let (choice, words) = chosen(|setting, block| dice[20 * setting + block]);
         let own = choice.setting.unwrap();
-        assert!(
-            own.own_score > 0.6 && (own.score - 0.5).abs() < 0.08,
-            "{own:?}"
-        );
+        let is_luck = own.own_score > 0.6 && (own.score - 0.5).abs() < 0.08;
+        assert!(is_luck, "{own:?}");
         assert!(own.alike > 10, "{words}");
     }
 
@@ -269,21 +266,19 @@ mod tests {
     #[test]
     fn no_setting_is_named_that_may_not_be_best() {
         let (choice, words) = chosen(|_, _| 5.0);
-        let expected =
-            "Of 40 settings of bm none is chosen: under 10 % right (bm:uniqueness=0 5.0 ";
+        let why = "none is chosen: under 10 % right (bm:uniqueness=0 5.0 ";
         assert!(
-            choice.setting.is_none() && words.starts_with(expected),
+            words.starts_with(&format!("Of 40 settings of bm {why}")),
             "{words}"
         );
+        assert_eq!(choice.setting, None);
         let shown = Shown {
             sort: Metric::find("near"),
             ..Shown::default()
         };
         let (_, words) = chosen_by(shown, settings(), |_, _| 50.0);
-        assert!(
-            words.contains("none is chosen: near has no better direction"),
-            "{words}"
-        );
+        let why = "none is chosen: near has no better direction";
+        assert!(words.contains(why), "{words}");
     }
 
     #[test]
@@ -298,13 +293,8 @@ mod tests {
 
     #[test]
     fn programs_and_topics_are_no_settings_of_each_other() {
-        let texts = [
-            "a=exec:command=a",
-            "b=exec:command=b",
-            "bm:uniqueness=3",
-            "bm",
-        ];
-        let algorithms: Vec<_> = texts.iter().map(|text| text.parse().unwrap()).collect();
+        let texts = "a=exec:command=a b=exec:command=b bm:uniqueness=3 bm".split(' ');
+        let algorithms: Vec<_> = texts.map(|text| text.parse().unwrap()).collect();
         let records = Manifest::new("s", &algorithms).unwrap().algorithms;
         assert!(!are_settings_of_one(&records[0], &records[1]));
         assert!(are_settings_of_one(&records[2], &records[3]));

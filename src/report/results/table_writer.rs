@@ -11,7 +11,7 @@ use polars::prelude::{
 };
 use polars_parquet::write::schema_to_metadata_key;
 use std::fs::File;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result};
@@ -31,7 +31,8 @@ struct Csv {
 /// read until the table is complete. A pair with 15 cells takes 5 kB in memory.
 struct Parquet<R> {
     path: PathBuf,
-    writer: BatchedWriter<CheckedFile>,
+    /// Buffered: the encoder writes a few bytes at a time. It flushes at its end.
+    writer: BatchedWriter<BufWriter<CheckedFile>>,
     failed: Arc<Mutex<Option<std::io::Error>>>,
     /// Rows of the group that is not written yet.
     rows: Vec<R>,
@@ -132,7 +133,7 @@ impl<R: Record> Parquet<R> {
         let failed = Arc::clone(&file.failed);
         let frame = R::frame(&[]).map_err(|e| polars_error(path, e))?;
         let schema = frame.schema().clone();
-        let writer = ParquetWriter::new(file)
+        let writer = ParquetWriter::new(BufWriter::new(file))
             .with_key_value_metadata(Some(field_metadata(&schema, &R::columns())))
             .batched(&schema);
         Ok(Self {

@@ -331,37 +331,33 @@ pub(crate) mod tests {
             let words = best.map(|own| format!("{} by {}", own.algorithm, own.metric.name));
             words.collect::<Vec<_>>()
         };
-        assert_eq!(
-            best(&courses(8, hits)),
-            ["a by finished", "a by collisions"]
-        );
-        let none: [&str; 0] = [];
-        assert_eq!(best(&courses(7, hits)), none);
-        assert_eq!(best(&courses(8, |_| ())), none);
+        let both = ["a by finished", "a by collisions"];
+        assert_eq!(best(&courses(8, hits)), both);
         // One of eight is no difference.
         let once = |row: &mut DriveRow| {
             if row.seed == 0 {
                 hits(row);
             }
         };
-        assert_eq!(best(&courses(8, once)), none);
-        let alone: Vec<_> = (0..8).map(|seed| drive(seed, "a")).collect();
-        assert_eq!(best(&alone), none);
+        let alone = (0..8).map(|seed| drive(seed, "a")).collect();
+        let [equal, once] = [|_: &mut DriveRow| (), once].map(|b| courses(8, b));
+        for drives in [courses(7, hits), equal, once, alone] {
+            assert!(best(&drives).is_empty(), "{drives:?}");
+        }
         // The one that finishes nothing hits nothing here, and is not best; nor is one that hits
         // more.
         let late = |row: &mut DriveRow| (row.finished, row.arrived) = (false, false);
         let mut drives = courses(8, late);
-        let own = drives
-            .iter_mut()
-            .filter(|row| row.algorithm == "a" && row.seed < 7);
-        own.for_each(hits);
-        assert_eq!(best(&drives), none);
-        let words = summary(&drives, 1).answer().join(" ");
-        let why = "None is called best: no algorithm that finishes is told apart from all others";
-        assert!(words.starts_with(why), "{words}");
-        let words = summary(&courses(3, hits), 1).answer().join(" ");
-        let why = "None is called best: 3 of at least 8 courses; courses finished: a 100.0 %, b";
-        assert!(words.starts_with(why), "{words}");
+        let is_own = |row: &&mut DriveRow| row.algorithm == "a" && row.seed < 7;
+        drives.iter_mut().filter(is_own).for_each(hits);
+        assert!(best(&drives).is_empty());
+        let apart = "no algorithm that finishes is told apart from all others";
+        let few = "3 of at least 8 courses; courses finished: a 100.0 %, b";
+        for (drives, why) in [(drives, apart), (courses(3, hits), few)] {
+            let words = summary(&drives, 1).answer().join(" ");
+            let expected = format!("None is called best: {why}");
+            assert!(words.starts_with(&expected), "{words}");
+        }
     }
 
     #[test]

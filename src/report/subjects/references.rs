@@ -262,11 +262,8 @@ mod tests {
         let is = |row: &Row, name: &str| row.algorithm == name && row.total_us.is_none();
         assert!(rows.iter().all(|row| is(row, PRIOR)));
         let right = |row: &Row| row.metrics.get("right");
-        assert!(
-            exact
-                .iter()
-                .all(|row| is(row, EXACT) && right(row) == Some(1.0))
-        );
+        let is_exact = |row: &Row| is(row, EXACT) && right(row) == Some(1.0);
+        assert!(exact.iter().all(is_exact));
         rows.iter().map(right).collect()
     }
 
@@ -293,16 +290,14 @@ mod tests {
             let near = judged.near;
             (judged.verdict, near.found, near.missed, near.falsely)
         };
-        assert_eq!(
-            scored(0.4, Some(0.45)),
-            (Verdict::Right, true, false, false)
-        );
-        assert_eq!(scored(0.4, Some(2.0)), (Verdict::Wrong, false, true, false));
-        assert_eq!(scored(0.4, None), (Verdict::Unknown, false, false, false));
-        assert_eq!(
-            scored(2.0, Some(0.74)),
-            (Verdict::Wrong, false, false, true)
-        );
-        assert_eq!(scored(2.0, Some(0.4)), (Verdict::Wrong, false, false, true));
+        for (true_m, reported_m, expected) in [
+            (0.4, Some(0.45), (Verdict::Right, true, false, false)),
+            (0.4, Some(2.0), (Verdict::Wrong, false, true, false)),
+            (0.4, None, (Verdict::Unknown, false, false, false)),
+            (2.0, Some(0.74), (Verdict::Wrong, false, false, true)),
+            (2.0, Some(0.4), (Verdict::Wrong, false, false, true)),
+        ] {
+            assert_eq!(scored(true_m, reported_m), expected);
+        }
     }
 }

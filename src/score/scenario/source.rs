@@ -50,9 +50,10 @@ pub struct SourceOptions {
     /// These seeds in place of the arena's, as 4..10 or 4,7,9
     #[arg(long, value_name = "SEEDS", value_parser = clap::value_parser!(SeedList))]
     pub seeds: Option<SeedList>,
-    /// The left images: a topic of another program's recording; in a folder a pattern, as
-    /// 'a/*.png', where * is the same in left and right, or a video [default: found by type and
-    /// name]
+    /// The left images: a topic, a pattern or a video [default: found by type and name]
+    ///
+    /// A topic of another program's recording; in a folder a pattern, as 'a/*.png', where * is the
+    /// same in left and right, or a video
     #[arg(
         long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new()
     )]
@@ -69,16 +70,16 @@ pub struct SourceOptions {
     /// Topic of the right camera's calibrations
     #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
     pub right_info: Option<String>,
-    /// Each image holds the left and the right one, as its halves [default: no; without a layout
-    /// left-right]
+    /// Each image holds both, as its halves [default: no; without a layout left-right]
+    ///
+    /// Layouts: left-right, right-left, top-bottom, bottom-top
     #[arg(
-        long, value_name = "left-right|right-left|top-bottom|bottom-top", num_args = 0..=1,
+        long, value_name = "LAYOUT", num_args = 0..=1,
         require_equals = true, default_missing_value = "left-right",
         value_parser = clap::value_parser!(SideBySide)
     )]
     pub side_by_side: Option<SideBySide>,
-    /// Pairs per second of a folder or video [default: by its stamps; where there are none it is
-    /// not known]
+    /// Pairs per second of a folder or video [default: by its stamps, if any]
     #[arg(long, value_name = "HZ", value_parser = within(FPS))]
     pub fps: Option<f64>,
     /// Number of bits of 16 that the images use [default: 10, 12, 14 or 16, by the values of the
@@ -100,10 +101,12 @@ pub struct SourceOptions {
         long, value_name = "MS", value_parser = within(OFFSET_MS), allow_negative_numbers = true
     )]
     pub right_offset_ms: Option<f64>,
-    /// Topic of another sensor in the recording that measures the truth: a depth image, a
-    /// disparity image, a point cloud or a laser scan; of a folder, the files: `depth/*.png`,
-    /// `velodyne/*.bin`, with the unit in metres `depth/*.png:unit=0.0002`, or disparities
-    /// `disp_occ_0/*.png:disparity=256`. It takes the place of the recording's own truth
+    /// Another sensor's topic or files, which measure the truth
+    ///
+    /// In a recording the topic of a depth image, a disparity image, a point cloud or a laser scan;
+    /// of a folder, the files: `depth/*.png`, `velodyne/*.bin`, with the unit in metres
+    /// `depth/*.png:unit=0.0002`, or disparities `disp_occ_0/*.png:disparity=256`. It takes the
+    /// place of the recording's own truth
     #[arg(long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new())]
     pub truth: Option<String>,
     /// Largest difference of the stamps of a pair and its measurement [default: 20].
@@ -113,10 +116,12 @@ pub struct SourceOptions {
     /// no obstacle [default: by base_footprint in /tf_static, else unknown]
     #[arg(long = "camera-height", value_name = "M", value_parser = within(FloorPlane::HEIGHTS_M))]
     pub camera_height_m: Option<f64>,
-    /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
-    /// two cameras of Kalibr's chain (FILE:cam2,cam3), or a recording that keeps it; take them as
-    /// rectified (none), with the focal length and baseline of their camera_info; or leave them raw
-    /// [default: by the camera_info of a bag of raw images, else none]
+    /// Rectify the pairs by a calibration [default: by the camera_info of a bag of raw images, else
+    /// none]
+    ///
+    /// A file, two with a comma between, the folder of the two, two cameras of Kalibr's chain
+    /// (FILE:cam2,cam3), or a recording that keeps it; take them as rectified (none), with the
+    /// focal length and baseline of their camera_info; or leave them raw
     #[arg(long, value_name = "FILE|none|raw", value_parser = NonEmptyStringValueParser::new())]
     pub calib: Option<String>,
     /// Part of the raw images to keep, as OpenCV's alpha: 0 only valid pixels, 1 all [default: as

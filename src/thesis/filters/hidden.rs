@@ -1,8 +1,8 @@
 //! Figure 8.3: false acceptance and rejection of the floor over the number of hidden neurons.
 
-use super::super::measure::MeanMedian;
+use super::super::measure::mean_and_median;
 use super::super::{Context, Experiment, Finding};
-use super::{add_sizes, draw, samples, train};
+use super::{samples, show, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
 use svl_train::fit::filter::SamplePart;
@@ -24,23 +24,19 @@ const SIZES: [usize; 9] = [10, 25, 45, 55, 75, 100, 200, 500, 1000];
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let kind = FilterKind::Floor;
-    let runs = [
-        (SamplePart::Training, 1..25),
-        (SamplePart::Validation, 31..43),
-        (SamplePart::Test, 51..63),
-    ];
     let limits = [
         (SamplePart::Training, 250),
         (SamplePart::Validation, 125),
         (SamplePart::Test, 125),
     ];
-    let samples = samples(context, kind, &super::arena(kind)?, &runs, 10)?;
+    let seeds = [1..25, 31..43, 51..63];
+    let samples = samples(context, kind, &super::arena(kind)?, seeds, 10)?;
     let training = train(context, &mut samples.limited(&limits), &SIZES, &[1, 2, 3])?;
     let by_hidden = training.by_hidden();
     let mean = |is_few: bool| {
         let sizes = by_hidden.iter();
         let sizes = sizes.filter(|(hidden, _)| (**hidden <= 100) == is_few);
-        MeanMedian::new(sizes.map(|(_, [accepted, rejected])| accepted + rejected)).mean
+        mean_and_median(sizes.map(|(_, [accepted, rejected])| accepted + rejected))[0]
     };
     let (few, many) = (mean(true), mean(false));
     let [accepted, rejected] = by_hidden[&55];
@@ -56,11 +52,10 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         "55 neurons have the least false acceptance, within one window in 125: {accepted:.1} %, \
          at best {least:.1} %."
     ));
-    add_sizes(finding, "hidden neurons", &training);
+    show(finding, "hidden neurons", &training, &["Hidden neurons"]);
     finding.why = format!(
         "With up to 100 neurons {few:.1} % of both errors together, with more {many:.1} %; with \
          55 {accepted:.1} % are falsely accepted and {rejected:.1} % falsely rejected."
     );
-    draw(finding, &training, &["Hidden neurons"]);
     Ok(())
 }

@@ -30,27 +30,27 @@ fn arena(kind: FilterKind) -> Result<ArenaConfig> {
     }
 }
 
-/// The windows of each part's runs, each run with a seed of its own, from every n-th frame.
+/// The windows of every n-th frame of runs, whose seeds are those of training, validation and test.
 fn samples(
     context: &mut Context<'_>,
     kind: FilterKind,
     config: &ArenaConfig,
-    runs: &[(SamplePart, Range<u64>)],
+    seeds: [Range<u64>; 3],
     every: usize,
 ) -> Result<WindowSamples> {
-    let runs = runs.iter().cloned();
+    let runs = SamplePart::ALL.into_iter().zip(seeds);
     let runs = runs.flat_map(|(part, seeds)| seeds.map(move |seed| (part, seed)));
     let (parts, seeds): (_, Vec<_>) = runs.unzip();
     let features = kind.spec().features;
     let mut samples = WindowSamples::new(kind, features, parts);
     let mut spectrum = Spectrum::new(features.window);
     let range_px = TrainSettings::RANGE_PX;
+    let labels = WindowLabels::Truth { range_px };
     for (group, seed) in seeds.into_iter().enumerate() {
         let arena = Arena::new(config, seed)?;
         let indices: Vec<_> = (0..arena.frames()).step_by(every).collect();
         let frames = indices.into_par_iter().map(|index| arena.frame(index));
         for frame in frames.collect::<Result<Vec<_>>>()? {
-            let labels = WindowLabels::Truth { range_px };
             samples.add(&mut spectrum, &frame, group, &labels)?;
             context.step()?;
         }
@@ -80,20 +80,17 @@ fn train(
     step.map(|()| trained.1)
 }
 
-/// Adds some of the plots of a training.
-fn draw(finding: &mut Finding, training: &FilterTraining, titles: &[&str]) {
+/// Adds a table of the errors by the number of hidden neurons, which `head` names, and some of the
+/// plots of a training.
+fn show(finding: &mut Finding, head: &str, training: &FilterTraining, titles: &[&str]) {
+    let rows = training.by_hidden().into_iter();
+    let rows = rows.map(|(hidden, errors)| (hidden.to_string(), errors));
+    finding.table(&format!("{head} | {ERRORS}"), rows);
     let charts = training.charts().into_iter();
     for (title, _, chart) in charts.filter(|(title, ..)| titles.contains(title)) {
         let title = title.to_owned();
         finding.plots.push(Chart { title, ..chart }.svg());
     }
-}
-
-/// Adds a table of the errors by the number of hidden neurons, which `head` names.
-fn add_sizes(finding: &mut Finding, head: &str, training: &FilterTraining) {
-    let rows = training.by_hidden().into_iter();
-    let rows = rows.map(|(hidden, errors)| (hidden.to_string(), errors));
-    finding.table(&format!("{head} | {ERRORS}"), rows);
 }
 
 /// The headings of [`errors`].

@@ -6,7 +6,6 @@ use svl_core::Result;
 use svl_core::filter::FilterKind;
 use svl_report::plot::{Axis, Series, SeriesStyle};
 use svl_sim::arena::ArenaConfig;
-use svl_train::FilterTraining;
 use svl_train::fit::filter::{SamplePart, WindowSamples};
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
@@ -25,33 +24,35 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
 const FLOORS: usize = 16;
 
 /// A camera with images as sharp as its lens: a flash instead of the shutter.
-fn still(config: &ArenaConfig) -> ArenaConfig {
-    let mut still = config.clone();
-    still.sensor.shutter_us /= 100;
-    still.sensor.white_e_per_ms *= 100.0;
-    still
+fn still(mut config: ArenaConfig) -> ArenaConfig {
+    config.sensor.shutter_us /= 100;
+    config.sensor.white_e_per_ms *= 100.0;
+    config
 }
 
 /// Twice as fast, with twice the shutter and half the light.
-fn moving(config: &ArenaConfig) -> ArenaConfig {
-    let mut moving = config.clone();
-    moving.rate_hz *= 2.0;
-    moving.robot.sway_hz *= 2.0;
-    moving.sensor.shutter_us *= 2;
-    moving.sensor.white_e_per_ms *= 0.5;
-    moving
+fn moving(mut config: ArenaConfig) -> ArenaConfig {
+    config.rate_hz *= 2.0;
+    config.robot.sway_hz *= 2.0;
+    config.sensor.shutter_us *= 2;
+    config.sensor.white_e_per_ms *= 0.5;
+    config
 }
+
+/// The samples of training and test.
+const NAMES: [&str; 4] = [
+    "without blur, tested without",
+    "without blur, tested moving",
+    "with blur, tested moving",
+    "with blur on 4 floors, tested moving",
+];
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let kind = FilterKind::Floor;
-    let config = super::arena(kind)?;
-    let runs = [
-        (SamplePart::Training, 1..FLOORS as u64 + 1),
-        (SamplePart::Validation, 41..49),
-        (SamplePart::Test, 51..59),
-    ];
-    let still = samples(context, kind, &still(&config), &runs, 3)?;
-    let moving = samples(context, kind, &moving(&config), &runs, 3)?;
+    let seeds = || [1..FLOORS as u64 + 1, 41..49, 51..59];
+    let [still, moving] = [still, moving]
+        .map(|robot: fn(_) -> _| samples(context, kind, &robot(super::arena(kind)?), seeds(), 3));
+    let (still, moving) = (still?, moving?);
     let mut trained = |samples: &WindowSamples, floors, tested: &WindowSamples| {
         let chosen = |samples: &WindowSamples, takes: &dyn Fn(usize) -> bool| {
             let numbers = 0..samples.samples.len();
@@ -80,34 +81,23 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     finding.condition(mended < little).says(format!(
         "More data improve it: with 4 of the {FLOORS} floors {little:.1} %."
     ));
-    add_trainings(&trainings, finding);
+    let rows = NAMES.iter().zip(&trainings).map(|(name, training)| {
+        let [accepted, rejected] = errors(training);
+        let values = [accepted, rejected, training.roc.area];
+        (name.to_string(), values)
+    });
+    finding.table(&format!("trained | {ERRORS} | area of the ROC"), rows);
+    let curves = NAMES.iter().zip(&trainings).map(|(name, training)| {
+        let points = training.roc.points.iter();
+        let points = points.map(|(x, y)| (100.0 * x, 100.0 * y));
+        Series::new(name, SeriesStyle::Line, points)
+    });
+    let x = Axis::new("false acceptance, %").with_range(0.0, 20.0);
+    let y = Axis::new("true acceptance, %").with_range(60.0, 100.0);
+    finding.chart("Acceptance of the floor", [x, y], curves);
     finding.why = format!(
         "Trained without blur: {resting:.1} % of both errors together at rest, {robot:.1} % \
          moving; trained with blur {mended:.1} %, on 4 of the {FLOORS} floors {little:.1} %."
     );
     Ok(())
-}
-
-/// The samples of training and test.
-const NAMES: [&str; 4] = [
-    "without blur, tested without",
-    "without blur, tested moving",
-    "with blur, tested moving",
-    "with blur on 4 floors, tested moving",
-];
-
-/// Adds a table and a plot.
-fn add_trainings(trainings: &[FilterTraining; 4], finding: &mut Finding) {
-    let (mut rows, mut curves) = (Vec::new(), Vec::new());
-    for (name, training) in NAMES.iter().zip(trainings) {
-        let [accepted, rejected] = errors(training);
-        rows.push((name.to_string(), [accepted, rejected, training.roc.area]));
-        let points = training.roc.points.iter();
-        let points = points.map(|(x, y)| (100.0 * x, 100.0 * y));
-        curves.push(Series::new(name, SeriesStyle::Line, points));
-    }
-    finding.table(&format!("trained | {ERRORS} | area of the ROC"), rows);
-    let x = Axis::new("false acceptance, %").with_range(0.0, 20.0);
-    let y = Axis::new("true acceptance, %").with_range(60.0, 100.0);
-    finding.chart("Acceptance of the floor", [x, y], curves);
 }

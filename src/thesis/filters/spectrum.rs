@@ -1,6 +1,6 @@
 //! Figure 8.1: the amplitude spectrum of a normal view and of a too close object.
 
-use super::super::measure::{MeanMedian, percent};
+use super::super::measure::{mean_and_median, percent};
 use super::super::{Context, Experiment, Finding};
 use svl_core::Result;
 use svl_core::filter::{FilterKind, FilterWindows, Spectrum};
@@ -36,10 +36,8 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         let left = frame.pair.left();
         let windows = FilterWindows::new(kind, SIDE, left.size(), GridShape::default())?;
         for &at in windows.corners() {
-            let range_px = TrainSettings::RANGE_PX;
-            let truth = frame.truth.as_ref();
-            let label = truth.and_then(|truth| true_label(kind, truth, at, SIDE, range_px));
-            let Some(is) = label else {
+            let label = |truth| true_label(kind, truth, at, SIDE, TrainSettings::RANGE_PX);
+            let Some(is) = frame.truth.as_ref().and_then(label) else {
                 continue;
             };
             spectrum.amplitudes(left, at, &mut amplitudes);
@@ -61,11 +59,10 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
 /// Adds the results of the shares of normal windows and of too close ones.
 fn conclude([normal, close]: &[Vec<f64>; 2], finding: &mut Finding) {
     // Probability that a too close window has less than a normal one: the area under a ROC curve.
-    let lower = close
-        .iter()
-        .map(|c| normal.iter().filter(|n| c < *n).count());
-    let order = percent(lower.sum(), (normal.len() * close.len()).max(1));
-    let mean = |shares: &[f64]| 100.0 * MeanMedian::new(shares.iter().copied()).mean;
+    let above = |c: &f64| normal.iter().filter(|n| c < *n).count();
+    let pairs = (normal.len() * close.len()).max(1);
+    let order = percent(close.iter().map(above).sum(), pairs);
+    let mean = |shares: &[f64]| 100.0 * mean_and_median(shares.iter().copied())[0];
     let (normal, close) = (mean(normal), mean(close));
     finding.quantity("high frequencies, normal view", "%", "", normal);
     finding.quantity("high frequencies, too close", "%", "", close);
@@ -84,21 +81,15 @@ fn conclude([normal, close]: &[Vec<f64>; 2], finding: &mut Finding) {
     );
 }
 
-/// The frequencies of a value in the first half of a spectrum; `side` is that of the window.
-fn frequencies(i: usize) -> [usize; 2] {
-    let fold = |f: usize| f.min(SIDE - f);
-    [fold(i % SIDE), fold(i / SIDE)]
-}
-
+/// The share of the amplitudes, without the mean, at frequencies above a quarter of the sampling
+/// rate.
 fn high_share(amplitudes: &[f32]) -> f64 {
-    let (mut high, mut all) = (0.0, 0.0);
-    for (i, amplitude) in amplitudes.iter().enumerate().skip(1) {
-        all += f64::from(*amplitude);
-        if frequencies(i).into_iter().max() > Some(SIDE / 4) {
-            high += f64::from(*amplitude);
-        }
-    }
-    high / all
+    let frequency = |f: usize| f.min(SIDE - f);
+    let is_high = |i: &usize| frequency(i % SIDE).max(frequency(i / SIDE)) > SIDE / 4;
+    let places = || 1..amplitudes.len();
+    let amplitude = |i: usize| f64::from(amplitudes[i]);
+    let high: f64 = places().filter(is_high).map(amplitude).sum();
+    high / places().map(amplitude).sum::<f64>()
 }
 
 /// The whole spectrum by its symmetry, with its mean in the centre.
@@ -108,12 +99,8 @@ fn picture(amplitudes: &[f32]) -> Result<Gray> {
     Plane::from_fn(SIDE, SIDE, |x, y| {
         let (u, v) = ((x + SIDE / 2) % SIDE, (y + SIDE / 2) % SIDE);
         let i = v * SIDE + u;
-        let mirrored = (SIDE - v) % SIDE * SIDE + (SIDE - u) % SIDE;
-        let value = log
-            .get(i)
-            .or(log.get(mirrored))
-            .copied()
-            .unwrap_or_default();
+        let mirror = (SIDE - v) % SIDE * SIDE + (SIDE - u) % SIDE;
+        let value = log.get(i).or(log.get(mirror)).copied().unwrap_or_default();
         (255.0 * value / most).min(255.0) as u8
     })
 }

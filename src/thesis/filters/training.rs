@@ -1,7 +1,7 @@
 //! Figure 8.2: training and validation error of the too-close network.
 
 use super::super::{Context, Experiment, Finding};
-use super::{ERRORS, add_sizes, draw, error_sum, errors, samples, train};
+use super::{ERRORS, error_sum, errors, samples, show, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
 use svl_train::FilterTraining;
@@ -21,31 +21,25 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let kind = FilterKind::TooClose;
-    let runs = [
-        (SamplePart::Training, 1..9),
-        (SamplePart::Validation, 11..14),
-        (SamplePart::Test, 21..24),
-    ];
-    let mut all = samples(context, kind, &super::arena(kind)?, &runs, 2)?;
+    let seeds = [1..9, 11..14, 21..24];
+    let mut all = samples(context, kind, &super::arena(kind)?, seeds, 2)?;
     let mut few = all.limited(&[(SamplePart::Training, 50), (SamplePart::Validation, 25)]);
     let small = train(context, &mut few, &[25, 100, 400], &[1, 2, 3])?;
     let large = train(context, &mut all, &[100], &[1])?;
     let errors_fall = add_epochs(&small, finding);
     add_best_size(&small, finding);
-    add_sizes(finding, "hidden neurons, 100 samples", &small);
+    let titles = ["Training and validation", "Hidden neurons"];
+    show(finding, "hidden neurons, 100 samples", &small, &titles);
     let rows = [("100", &small), ("all", &large)].map(|(name, training)| {
         let [yes, no] = training.samples["training"];
         (format!("{name}: {yes} and {no}"), errors(training))
     });
     finding.table(&format!("samples | {ERRORS}"), rows);
+    let [few, all] = [&small, &large].map(error_sum);
     finding.why = format!(
-        "With 100 samples the {errors_fall}. On other runs {:.1} % of both errors together are \
-         left; trained on all windows {:.1} %.",
-        error_sum(&small),
-        error_sum(&large)
+        "With 100 samples the {errors_fall}. On other runs {few:.1} % of both errors together are \
+         left; trained on all windows {all:.1} %."
     );
-    let titles = ["Training and validation", "Hidden neurons"];
-    draw(finding, &small, &titles);
     Ok(())
 }
 
@@ -63,17 +57,15 @@ fn add_epochs(small: &FilterTraining, finding: &mut Finding) -> String {
     finding.quantity("least training error", "MSE", "0.01", least_training);
     finding.quantity("validation error at the start", "MSE", "0.275", validation);
     finding.quantity("least validation error", "MSE", "0.245", least_validation);
-    finding
-        .condition(least_training < 0.25 * training)
-        .says(format!(
-            "The training error falls below a quarter of what it was: {training:.3} to \
+    let is_learned = least_training < 0.25 * training;
+    finding.condition(is_learned).says(format!(
+        "The training error falls below a quarter of what it was: {training:.3} to \
          {least_training:.3}."
-        ));
-    finding
-        .condition(least_validation < validation)
-        .says(format!(
-            "The validation error falls: {validation:.3} to {least_validation:.3}."
-        ));
+    ));
+    let is_valid = least_validation < validation;
+    finding.condition(is_valid).says(format!(
+        "The validation error falls: {validation:.3} to {least_validation:.3}."
+    ));
     format!(
         "training error falls from {training:.3} to {least_training:.3}, the validation error \
          from {validation:.3} to {least_validation:.3}"

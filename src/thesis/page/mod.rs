@@ -1,6 +1,6 @@
 //! The report of the experiments: HTML (one file without scripts or downloads), Markdown and JSON.
 
-use super::{ClaimVerdict, Exhibit, Experiment, Finding, FindingTable, Quantity, TableValue};
+use super::{ClaimVerdict, Exhibit, Experiment, Finding, FindingTable, Quantity};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use svl_core::{Result, joined};
@@ -27,11 +27,14 @@ pub struct ExperimentFinding {
 impl FindingsPage<'_> {
     /// Number of experiments per verdict, in words.
     pub fn tally(&self) -> String {
-        let verdicts = || self.entries.iter().map(|e| e.finding.verdict());
-        let count = |verdict| verdicts().filter(|own| *own == verdict).count();
-        let counts = ClaimVerdict::ALL.map(|verdict| (count(verdict), verdict));
+        let count = |verdict| {
+            let verdicts = self.entries.iter().map(|e| e.finding.verdict());
+            verdicts.filter(|own| *own == verdict).count()
+        };
+        let counts = ClaimVerdict::WORDS.map(|(verdict, words)| (count(verdict), words));
         let found = counts.into_iter().filter(|(count, _)| *count > 0);
-        joined(found.map(|(count, verdict)| format!("{count} {}", verdict.words_for(count))))
+        let found = found.map(|(n, words)| format!("{n} {}", words[usize::from(n > 1)]));
+        joined(found)
     }
 
     /// The report as JSON.
@@ -111,10 +114,8 @@ impl ExperimentFinding {
         let mut picture = |picture: &'a Exhibit| {
             let marks = picture.marks.iter();
             let marks = marks.map(|(mark, wrong)| MarkView::new(*mark, String::new(), *wrong));
-            let Exhibit {
-                caption, png, size, ..
-            } = picture;
-            images.picture(caption, png, *size, marks.collect())
+            let (caption, png) = (&picture.caption, &picture.png);
+            images.picture(caption, png, picture.size, marks.collect())
         };
         let pictures: Vec<_> = finding.pictures.iter().map(&mut picture).collect();
         let mut section = self.json();
@@ -138,23 +139,17 @@ fn tables(finding: &Finding) -> Vec<Table> {
 }
 
 fn numbers(quantity: &Quantity) -> [String; 2] {
-    let with_unit = |number: String| match quantity.unit {
-        "" => number,
-        unit => format!("{number}\u{a0}{unit}"),
-    };
-    let thesis = quantity.thesis.clone().map(with_unit);
-    let ours = quantity.ours.map(number).map(with_unit);
-    [
-        thesis.unwrap_or_default(),
-        ours.unwrap_or_else(|| NONE.to_owned()),
-    ]
+    let thesis = quantity.thesis.unwrap_or_default().to_owned();
+    [thesis, number(quantity.ours)].map(|number| match (&*number, quantity.unit) {
+        ("" | NONE, _) | (_, "") => number,
+        (_, unit) => format!("{number}\u{a0}{unit}"),
+    })
 }
 
 fn worded(finding: &FindingTable) -> Table {
-    let cell = |value: &TableValue| match value {
-        TableValue::Number(value) => number(*value),
-        TableValue::Text(text) => text.clone(),
-        TableValue::Nothing => NONE.to_owned(),
+    let cell = |value: &Value| match value {
+        Value::String(text) => text.clone(),
+        value => number(value.as_f64().unwrap_or(f64::NAN)),
     };
     let mut table = Table::new("", &finding.heads[0]).with_columns(&finding.heads[1..]);
     for (name, values) in &finding.rows {
@@ -166,6 +161,7 @@ fn worded(finding: &FindingTable) -> Table {
 /// About three digits.
 fn number(value: f64) -> String {
     match value.abs() {
+        v if !v.is_finite() => NONE.to_owned(),
         // Counts are whole and shown without decimals.
         v if v >= 100.0 || value == value.round() => format!("{value:.0}"),
         v if v >= 10.0 => format!("{value:.1}"),

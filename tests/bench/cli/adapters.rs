@@ -50,30 +50,20 @@ fn a_decorated_function_of_two_arrays_is_a_matcher() {
     };
     let fixture = Fixture::new();
     fixture.write("mine.py", DECORATED);
-    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
+    fixture.record("a.mcap", "--frames 4");
     let mine = format!("mine={}", program(&python, "mine.py"));
     let ran = fixture.svl(&[
         "score", "a.mcap", "--algo", &mine, "-o", "r", "--rerun", "none",
     ]);
     // Two of the four pairs fail, each with its own message.
     assert_eq!(ran.code, Some(4));
-    assert_says(
-        &ran.stderr,
-        &[
-            "ValueError: no such texture",
-            "disparities of shape (2, 2), expected (240, 320)",
-        ],
-    );
-    let summary = fixture.text("r/summary.md");
-    assert_says(&summary, &["program: mine: mine 3, in colour, reports"]);
-    let cells = fixture.text("r/cells.csv");
-    let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
-    assert_eq!(known, 2, "{cells}");
-    let manifest = fixture.json_file("r/manifest.json");
-    let program = &manifest["algorithms"][0]["program"];
-    assert_eq!(
-        (&program["name"], &program["color"]),
-        (&"mine".into(), &true.into())
+    let shape = "disparities of shape (2, 2), expected (240, 320)";
+    assert_says(&ran.stderr, &["ValueError: no such texture", shape]);
+    fixture.transcript(
+        "cat r/summary.md => program: mine: mine 3, in colour, reports
+        cat r/cells.csv => 2x ,0.9,
+        cat r/manifest.json => /algorithms/0/program/name = mine \
+        | /algorithms/0/program/color = true",
     );
 }
 
@@ -101,7 +91,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
         return;
     };
     let fixture = Fixture::new();
-    fixture.run(&["record", "--frames", "5", "-o", "a.mcap"]);
+    fixture.record("a.mcap", "--frames 5");
     fixture.write_pair("l.pgm", "r.pgm", (40, 20), 3);
     let tiny = format!("{ROOT}/tests/python/tiny_network.py");
     let wrote = Command::new(&python)
@@ -125,7 +115,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
     for algorithm in &algorithms {
         line.extend(["--algo", algorithm]);
     }
-    let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
+    let summary = fixture.json(&line);
     let hash = |i: usize| summary["algorithms"][i]["results_hash"].as_str().unwrap();
     assert_eq!((hash(0), hash(1)), (hash(2), hash(2)));
     let programs = &summary["programs"];
@@ -186,11 +176,11 @@ fn tinystereo_is_right_on_the_arena() {
             )
         )
     );
-    fixture.run(&["record", "--frames", "60", "-o", "a.mcap"]);
+    fixture.record("a.mcap", "--frames 60");
     let line = [
         "score", "a.mcap", "--every", "15", "--algo", &net, "-o", "r", "--json",
     ];
-    let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
+    let summary = fixture.json(&line);
     let right = summary["algorithms"][0]["cells_right"].as_f64().unwrap();
     assert!(right > 0.9, "{right}");
 }
@@ -226,18 +216,9 @@ fn a_header_makes_a_program_in_cpp() {
     fixture.write("mine.cpp", CPP);
     let header = fixture.run("algos exec --example cpp");
     fixture.write("svl_matcher.hpp", header);
-    let flags = [
-        "-std=c++17",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-O2",
-        "-o",
-        "mine",
-        "mine.cpp",
-    ];
+    let flags = "-std=c++17 -Wall -Wextra -Werror -O2 -o mine mine.cpp";
     let built = Command::new("c++")
-        .args(flags)
+        .args(flags.split(' '))
         .current_dir(fixture.path(""))
         .output();
     let Ok(built) = built else {
@@ -249,21 +230,13 @@ fn a_header_makes_a_program_in_cpp() {
         "{}",
         String::from_utf8_lossy(&built.stderr)
     );
-    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
-    let mine = "mine=exec:command=./mine";
-    let ran = fixture.svl(&[
-        "score", "a.mcap", "--algo", mine, "-o", "r", "--rerun", "none",
-    ]);
-    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
-    assert_says(&ran.stderr, &["answered: no \"such\" texture"]);
-    let summary = fixture.text("r/summary.md");
-    assert_says(
-        &summary,
-        &["mine: mine \"in\" C++, 1 thread, in colour, reports"],
+    fixture.record("a.mcap", "--frames 4");
+    fixture.transcript(
+        "score a.mcap --algo mine=exec:command=./mine -o r --rerun none \
+        => 4~ answered: no \"such\" texture
+        cat r/summary.md => mine: mine \"in\" C++, 1 thread, in colour, reports
+        cat r/cells.csv => 3x ,0.9,",
     );
-    let cells = fixture.text("r/cells.csv");
-    let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
-    assert_eq!(known, 3, "{cells}");
 }
 
 #[test]
@@ -272,7 +245,7 @@ fn torch_script_and_an_entry_are_matchers() {
         return;
     };
     let fixture = Fixture::new();
-    fixture.run(&["record", "--frames", "2", "-o", "a.mcap"]);
+    fixture.record("a.mcap", "--frames 2");
     fixture.write(
         "entry.py",
         "import torch\n\
@@ -295,7 +268,7 @@ fn torch_script_and_an_entry_are_matchers() {
     let line = [
         "score", "a.mcap", "--algo", &script, "--algo", &entry, "-o", "r", "--json",
     ];
-    let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
+    let summary = fixture.json(&line);
     let algorithms = summary["algorithms"].as_array().unwrap();
     assert_eq!(algorithms.len(), 2, "{summary}");
     assert_eq!(algorithms[0]["results_hash"], algorithms[1]["results_hash"]);
@@ -313,7 +286,7 @@ fn examples_are_the_files_of_adapters() {
         ("opencv", "opencv.py"),
     ] {
         let text = std::fs::read_to_string(format!("{ROOT}/adapters/{file}")).unwrap();
-        let printed = fixture.run(&["algos", "exec", "--example", kind]);
+        let printed = fixture.run(&format!("algos exec --example {kind}"));
         assert_eq!(printed.trim_end(), text.trim_end(), "{kind}");
     }
     fixture.fails(
@@ -322,12 +295,11 @@ fn examples_are_the_files_of_adapters() {
     );
     // It is a slow matcher, too.
     if let Some(python) = python_with("numpy") {
-        fixture.run(&["record", "--frames", "1", "-o", "a.mcap"]);
-        let printed = fixture.run(&["algos", "exec", "--example", "python"]);
+        fixture.record("a.mcap", "--frames 1");
+        let printed = fixture.run("algos exec --example python");
         fixture.write("svl_bench/matcher.py", printed);
         let example = format!("slow=exec:command='{python}' svl_bench/matcher.py,max_disparity=40");
-        let text = fixture.run(&["replay", "a.mcap", "--algo", &example, "--json"]);
-        let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let summary = fixture.json(&["replay", "a.mcap", "--algo", &example, "--json"]);
         assert_eq!(summary["programs"][0]["name"], "example");
     }
 }

@@ -1,6 +1,7 @@
 //! `svl calibrate board`, from pictures to a calibration.
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::Fixture;
+use super::transcript::assert_words;
 use std::sync::LazyLock;
 use svl::calibrate::files;
 use svl::calibrate::simulated::MovingBoard;
@@ -38,29 +39,22 @@ fn write_turned(fixture: &Fixture, place: fn((usize, usize)) -> (usize, usize)) 
 fn a_camera_that_is_turned_is_named_with_its_cure() {
     let fixture = Fixture::new();
     write_turned(&fixture, |(x, y)| (639 - x, y));
-    let ran = fixture.svl("calibrate board pictures --yes -o calib.xml");
-    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
-    assert_says(
-        &ran.stderr,
-        &["each camera fits the board alone", "-vf hflip OUT"],
+    fixture.transcript(
+        "calibrate board pictures --yes -o calib.xml \
+        => 1~ each camera fits the board alone | -vf hflip OUT | !tilted",
     );
-    assert!(!ran.stderr.contains("tilted"), "{}", ran.stderr);
     write_turned(&fixture, |(x, y)| (639 - x, 479 - y));
     let ran = fixture.svl("calibrate board pictures --yes -o calib.xml --force");
-    assert_says(&ran.stderr, &["upside down", "-vf hflip,vflip OUT"]);
-    assert!(!ran.stderr.contains("90 degrees"), "{}", ran.stderr);
+    assert_words(
+        &ran.stderr,
+        "upside down | -vf hflip,vflip OUT | !90 degrees",
+    );
 }
 
 fn write(fixture: &Fixture, name: &str, image: &Gray) {
-    let path = fixture.path(name);
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_png(
-        &path,
-        image.width(),
-        image.height(),
-        image.as_slice().unwrap(),
-    )
-    .unwrap();
+    let path = fixture.write(name, "");
+    let pixels = image.as_slice().unwrap();
+    write_png(&path, image.width(), image.height(), pixels).unwrap();
 }
 
 /// Pairs in the middle of a pose.
@@ -83,49 +77,33 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
     let answer = fixture.json(&args);
     let truth = MovingBoard::new(1).unwrap();
     let truth = truth.truth();
-    let cameras = [("left", truth.left()), ("right", truth.right())];
     let solution = &answer["solution"];
-    for (side, camera) in cameras {
+    for (side, camera) in [("left", truth.left()), ("right", truth.right())] {
         let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
         for (name, truth) in [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)] {
             let value = solution[side][name]["value"].as_f64().unwrap();
-            assert!(
-                (value - truth).abs() < 1.0,
-                "{side} {name}: {value}, truth {truth}"
-            );
+            let off = (value - truth).abs();
+            assert!(off < 1.0, "{side} {name}: {value}, truth {truth}");
         }
     }
     let baseline = solution["baseline"]["value"].as_f64().unwrap();
-    assert!(
-        (baseline / truth.baseline() - 1.0).abs() < 0.003,
-        "{baseline} m"
-    );
-    assert!(
-        solution["rms_px"].as_f64().unwrap() < 0.1,
-        "{}",
-        solution["rms_px"]
-    );
+    let off = baseline / truth.baseline() - 1.0;
+    assert!(off.abs() < 0.003, "{baseline} m");
+    assert!(solution["rms_px"].as_f64().unwrap() < 0.1, "{solution}");
     for reason in reasons {
-        assert!(
-            answer["refused"][*reason].as_u64() > Some(10),
-            "{}",
-            answer["refused"]
-        );
+        let refused = &answer["refused"];
+        assert!(refused[*reason].as_u64() > Some(10), "{refused}");
     }
 
     let read = files::read(&fixture.path("calib.xml")).unwrap();
     assert!((read.baseline() - baseline).abs() < 1e-6 && read.rig().is_some());
     let accepted = answer["accepted"].as_array().unwrap().len();
-    let last = format!("calib-report/right{accepted:02}.png");
-    for name in [
-        "calib-report/index.html",
-        "calib-report/calibration.json",
-        "calib-report/left01.png",
-        &last,
-    ] {
-        assert!(fixture.path(name).is_file(), "{name}");
-    }
-
+    fixture.transcript(&format!(
+        "test -e calib-report/index.html
+        test -e calib-report/calibration.json
+        test -e calib-report/left01.png
+        test -e calib-report/right{accepted:02}.png"
+    ));
     // Again, from the pairs kept.
     let args = "calibrate board calib-report --square-m 0.03 -y --json -o again.yaml";
     let again = fixture.json(args);
@@ -135,18 +113,10 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
 
 #[test]
 fn a_recording_of_the_board_says_the_same_as_the_board() {
-    let fixture = Fixture::new();
-    fixture.run("record board --frames 46 -o board.mcap");
-    let text = fixture.run("calibrate board board.mcap --yes -o calib.yaml");
-    assert_says(
-        &text,
-        &[
-            "of 46 pairs accepted",
-            "moving",
-            "worth more pairs",
-            "in squares",
-            "calib.yaml: calibration",
-        ],
+    Fixture::new().transcript(
+        "record board --frames 46 -o board.mcap
+        calibrate board board.mcap --yes -o calib.yaml => of 46 pairs accepted | moving \
+        | worth more pairs | in squares | calib.yaml: calibration",
     );
 }
 
@@ -155,31 +125,30 @@ fn nothing_is_overwritten_unasked() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(5));
     let run = "calibrate board pictures --yes -o calib.xml";
-    fixture.run(run);
-    let wrong = "
-        calibrate board pictures --yes -o calib.xml => 1: calib.xml: exists already | --force
+    fixture.transcript(&format!(
+        "{run}
+        {run} => 1: calib.xml: exists already | --force
         calibrate board pictures --yes -o calib.yaml => 1: calib-report: exists already | --force
-    ";
-    fixture.fails(wrong);
-    fixture.run(&format!("{run} --force"));
-    fixture.write("calib-report/mine.txt", "mine");
-    let wrong = "
-        calibrate board pictures --yes -o calib.xml --force => \
-            1: mine.txt | not part of a calibration's report
-        calibrate board pictures --yes -o c.png => 2: must end in .xml
-    ";
-    fixture.fails(wrong);
+        {run} --force"
+    ));
     // The pairs that a calibration reads are not deleted by it.
-    std::fs::remove_file(fixture.path("calib-report/mine.txt")).unwrap();
-    fixture.fails("calibrate board calib-report --yes --force -o calib.xml => 2: named twice");
-    assert!(fixture.path("calib-report/left01.png").is_file());
+    fixture.write("calib-report/mine.txt", "mine");
+    fixture.transcript(&format!(
+        "{run} --force => 1: mine.txt | not part of a calibration's report
+        calibrate board pictures --yes -o c.png => 2: must end in .xml
+        rm calib-report/mine.txt
+        calibrate board calib-report --yes --force -o calib.xml => 2: named twice
+        test -e calib-report/left01.png"
+    ));
 }
 
 #[test]
 fn calibrations_that_fail_are_reported_with_cause_and_cure() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(3));
-    let wrong = "
+    fixture.write_pair("empty/left1.pgm", "empty/right1.pgm", (320, 240), 8);
+    fixture.transcript(
+        "
         calibrate board pictures -o calib.xml => 1: needs a terminal | --yes
         calibrate board pictures -o calib.xml --yes --squares 8x5 => \
             1: a board of 9x6 inner corners, not 8x5; try --squares 9x6
@@ -188,36 +157,30 @@ fn calibrations_that_fail_are_reported_with_cause_and_cure() {
         calibrate board pictures -o calib.xml --yes --squares 2x9 => 2: 3 to 50
         calibrate board pictures -o calib.xml --yes --square-m 0 => 2: --square-m | 0.0001 to 100
         calibrate board pictures -o calib.xml --yes --rate 5 => 2: --rate is for cameras
-    ";
-    fixture.fails(wrong);
-    assert!(!fixture.path("calib.xml").exists());
-
-    fixture.write_pair("empty/left1.pgm", "empty/right1.pgm", (320, 240), 8);
-    let wrong = "
+        test ! -e calib.xml
         calibrate board empty --yes -o calib.xml => 1: no complete board of 9x6 inner corners \
             | any of 1 pairs | no board left | one less than the squares
-    ";
-    fixture.fails(wrong);
-    assert!(!fixture.path("calib-report").exists());
-
+        test ! -e calib-report
+        ",
+    );
     fixture.write_pair("pictures/left09.pgm", "pictures/right09.pgm", (320, 240), 8);
-    let ran = fixture.svl("calibrate board pictures -o calib.xml --yes --squares 7x5");
-    assert_eq!(ran.code, Some(1));
-    let words = "pair 09 is 320x240 pixels, those before 640x480";
-    assert_says(&ran.stderr, &[words, "a camera's are all of one size"]);
+    fixture.transcript(
+        "calibrate board pictures -o calib.xml --yes --squares 7x5 => 1~ pair 09 is 320x240 \
+        pixels, those before 640x480 | a camera's are all of one size",
+    );
 }
 
 #[test]
 fn too_few_views_are_kept_for_another_time() {
     let fixture = Fixture::new();
     write_pictures(&fixture, [1, 1, 9]);
-    let wrong = "
+    fixture.transcript(
+        "
         calibrate board pictures --yes -o calib.xml => \
             1: 2 of 3 pairs accepted, at least 3 are needed | 1 nothing new | calib-report
-    ";
-    fixture.fails(wrong);
-    assert!(
-        fixture.path("calib-report/left02.png").is_file() && !fixture.path("calib.xml").exists()
+        test -e calib-report/left02.png
+        test ! -e calib.xml
+        ",
     );
 }
 
@@ -225,9 +188,10 @@ fn too_few_views_are_kept_for_another_time() {
 fn pictures_that_are_rectified_already_are_warned_of() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
-    let ran = fixture.svl("calibrate board short.toml --yes -o calib.xml");
-    assert_eq!(ran.code, Some(1));
-    assert_says(&ran.stderr, &["rectified already", "no complete board"]);
+    fixture.transcript(
+        "calibrate board short.toml --yes -o calib.xml \
+        => 1~ rectified already | no complete board",
+    );
 }
 
 #[test]
@@ -243,7 +207,7 @@ fn the_viewer_gets_the_pairs_with_their_corners() {
 #[test]
 fn cameras_that_see_the_board_are_calibrated() {
     let fixture = Fixture::new();
-    let args = "calibrate board sim:scene=board --yes --rate 10 -o calib.xml";
+    let args = "calibrate board sim:scene=board,pictures=40 --yes --rate 10 -o calib.xml";
     let enough = || fixture.path("calib-report/right04.png").exists();
     let (code, stderr) = super::interrupt::interrupted(&fixture, args, enough);
     assert_eq!(code, Some(0), "{stderr}");

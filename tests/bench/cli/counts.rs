@@ -21,67 +21,47 @@ fn one_of_four_with_truth() -> Fixture {
 #[test]
 fn tables_count_the_scored_pairs_of_folders_and_recordings() {
     let fixture = one_of_four_with_truth();
-    fixture.run(
-        [
-            "record",
-            "p",
-            "--truth",
-            "truth/*.pfm:disparity=1",
-            "-q",
-            "-o",
-            "p.mcap",
-        ]
-        .as_slice(),
-    );
+    let truth = "--truth truth/*.pfm:disparity=1";
     let score = "--algo v3:max_disparity=8 --rerun none -q";
-    let folder = format!("score p --truth truth/*.pfm:disparity=1 {score} -o folder");
-    for line in [folder, format!("score p.mcap {score} -o recording")] {
-        let text = fixture.run(&line);
-        assert_says(&text, &["4 pairs of 64 x 32, 1 scored with 15 cells"]);
-    }
-    for report in ["folder", "recording"] {
-        let summary = fixture.text(&format!("{report}/summary.json"));
-        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
-        let algorithm = &summary["algorithms"][0];
-        assert_eq!(
-            (&algorithm["scored_pairs"], &algorithm["scored_cells"]),
-            (&1.into(), &15.into())
-        );
-    }
+    let words = "4 pairs of 64 x 32, 1 scored with 15 cells";
+    let counts = "/algorithms/0/scored_pairs = 1 | /algorithms/0/scored_cells = 15";
+    fixture.transcript(&format!(
+        "record p {truth} -q -o p.mcap
+        score p {truth} {score} -o folder => {words}
+        cat folder/summary.json => {counts}
+        score p.mcap {score} -o recording => {words}
+        cat recording/summary.json => {counts}"
+    ));
 }
 
 #[test]
 fn without_truth_no_count_passes_a_gate() {
     let fixture = one_of_four_with_truth();
-    for metric in [
-        "blind", "close", "missed", "false", "found", "wrong", "right",
-    ] {
-        fixture.write(
-            "gate.toml",
-            format!(
-                "name = \"own\"\nalgorithms = [\"v3:max_disparity=8\"]\n[source]\nkind = \
-                 \"recording\"\nfiles = [\"p\"]\n[[gate]]\nalgorithm = \"v3\"\nmetric = \
-                 \"{metric}\"\nmax = 0\n"
-            ),
+    for metric in "blind close missed false found wrong right".split(' ') {
+        let text = format!(
+            "name = \"own\"\nalgorithms = [\"v3:max_disparity=8\"]\n[source]\nkind = \
+             \"recording\"\nfiles = [\"p\"]\n[[gate]]\nalgorithm = \"v3\"\nmetric = \
+             \"{metric}\"\nmax = 0\n"
         );
-        let ran = fixture.svl("score gate.toml --gate --rerun none -q -o gate");
-        ran.failed(3, &["is not measured in this run"]);
+        fixture.write("gate.toml", text);
+        fixture.fails(
+            "score gate.toml --gate --rerun none -q -o gate => 3: is not measured in this run",
+        );
     }
 }
 
 #[test]
 fn the_pairs_of_drives_are_those_of_their_rows() {
     let fixture = driven();
-    let text = fixture.run("report r");
     let rows: Vec<DriveRow> = read_rows(&fixture.path("r/drives.csv")).unwrap();
     let pairs: u64 = rows.iter().map(|row| row.frames).sum();
-    assert_says(&text, &[&format!("{pairs} pairs")]);
+    fixture.transcript(&format!("report r => {pairs} pairs"));
 }
 
 #[test]
 fn headings_of_the_table_name_its_metrics() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 8);
+    fixture.write_recorded_arena("short.toml", 8);
     let score = "score short.toml --seeds 1 --algo v3 --algo bm --rerun none -q -o r";
     let text = fixture.run(score);
     let heads = text.lines().find(|line| line.contains("p50")).unwrap();
@@ -98,28 +78,25 @@ fn headings_of_the_table_name_its_metrics() {
 #[test]
 fn the_table_is_sorted_by_a_metric() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 12);
+    fixture.write_recorded_arena("short.toml", 12);
     let algorithms = "--algo v3 --algo bm --algo sgm --algo v5";
     let score = format!("score short.toml --seeds 1 {algorithms} --rerun none -q -o r");
     fixture.run(&score);
-    for (metric, column, is_more_better) in [
-        ("right", "cells_right", true),
-        ("wrong", "cells_wrong", false),
-        ("known", "known_share", true),
+    for (metric, column, sign) in [
+        ("right", "cells_right", -1.0),
+        ("wrong", "cells_wrong", 1.0),
+        ("known", "known_share", -1.0),
     ] {
         fixture.run(&format!("{score} --sort {metric}"));
-        let summary = fixture.text("r/summary.json");
-        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let summary = fixture.json_file("r/summary.json");
         let algorithms = summary["algorithms"].as_array().unwrap().iter();
-        let values: Vec<f64> = algorithms
-            .map(|algorithm| algorithm[column].as_f64().unwrap())
+        let values: Vec<_> = algorithms
+            .map(|algorithm| sign * algorithm[column].as_f64().unwrap())
             .collect();
-        let is_sorted = if is_more_better {
-            values.is_sorted_by(|a, b| a >= b)
-        } else {
-            values.is_sorted()
-        };
-        assert!(is_sorted && values.len() == 4, "{metric}: {values:?}");
+        assert!(
+            values.is_sorted() && values.len() == 4,
+            "{metric}: {values:?}"
+        );
     }
 }
 

@@ -369,7 +369,7 @@ fn every_command_that_a_message_offers_runs_or_says_why_not() {
 
     let fixture = inputs();
     fixture.write_euroc("60.0");
-    fixture.run("record --frames 12 -o long.mcap");
+    fixture.record("long.mcap", "--frames 12");
     let whole = fixture.bytes("long.mcap");
     // Without its footer, every chunk is whole: so is every pair.
     fixture.write("cut.mcap", &whole[..whole.len() - 16]);

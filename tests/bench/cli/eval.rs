@@ -10,13 +10,9 @@ use svl::stereo::Plane;
 const NO: f32 = f32::INFINITY;
 
 fn write_map(fixture: &Fixture, name: &str, rows: &[&[f32]]) {
-    let path = fixture.path(name);
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_pfm(
-        &path,
-        &Plane::from_vec(rows[0].len(), rows.len(), rows.concat()).unwrap(),
-    )
-    .unwrap();
+    let path = fixture.write(name, "");
+    let map = Plane::from_vec(rows[0].len(), rows.len(), rows.concat());
+    write_pfm(&path, &map.unwrap()).unwrap();
 }
 
 /// A truth of 4 with estimates next to it, and a mask that excludes the last pixel.
@@ -36,23 +32,14 @@ fn help_explains_the_protocols() {
 #[test]
 fn every_protocol_prints_its_table() {
     let fixture = scene();
-    let mut text = String::new();
-    for protocol in ["middeval3", "middlebury-v2", "eth3d", "kitti12", "kitti15"] {
-        text += &fixture.run(&format!("eval d.pfm truth.pfm --protocol {protocol}"));
-        text.push('\n');
-    }
-    insta::assert_snapshot!(text);
+    let print = |protocol| fixture.run(&format!("eval d.pfm truth.pfm --protocol {protocol}"));
+    let tables = ["middeval3", "middlebury-v2", "eth3d", "kitti12", "kitti15"].map(print);
+    insta::assert_snapshot!(tables.join("\n") + "\n");
 }
 
 #[test]
 fn json_has_the_contracts_keys() {
     let fixture = scene();
-    let keys = |protocol: &str| {
-        let line = format!("eval d.pfm truth.pfm --protocol {protocol} --json");
-        let found = fixture.json(&line);
-        let keys: Vec<String> = found.as_object().unwrap().keys().cloned().collect();
-        keys
-    };
     let table =
         "bad0.5 bad1.0 bad2.0 bad4.0 invalid totbad2.0 avgerr rms a50 a90 a95 a99 coverage pixels";
     let kitti12 = "out1 out2 out3 out4 out5 avgerr density";
@@ -64,13 +51,12 @@ fn json_has_the_contracts_keys() {
         ("kitti12", kitti12, true),
         ("kitti15", kitti15, true),
     ] {
-        let found = keys(protocol);
+        let line = format!("eval d.pfm truth.pfm --protocol {protocol} --json");
+        let found = fixture.json(&line);
         for key in contract.split(' ') {
-            assert!(found.contains(&key.to_owned()), "{protocol}: {key}");
-            assert!(
-                !dense || found.contains(&format!("{key}_dense")),
-                "{protocol}: {key}_dense"
-            );
+            assert!(found.get(key).is_some(), "{protocol}: {key}");
+            let is_there = !dense || found.get(format!("{key}_dense")).is_some();
+            assert!(is_there, "{protocol}: {key}_dense");
         }
     }
     insta::assert_snapshot!(fixture.run("eval d.pfm truth.pfm --protocol middeval3 --json"));
@@ -83,43 +69,35 @@ fn masks_stand_side_by_side() {
     let args = "eval d.pfm truth.pfm --protocol middlebury-v2 --mask noc.pgm --mask disc.pgm";
     insta::assert_snapshot!(fixture.run(args));
     let found = fixture.json(&format!("{args} --json"));
-    assert_eq!(
-        (&found["pixels"], &found["bad1.0"]),
-        (&3.into(), &found["masks"]["noc"]["bad1.0"])
-    );
+    assert_eq!(found["pixels"], 3);
+    assert_eq!(found["bad1.0"], found["masks"]["noc"]["bad1.0"]);
     assert_eq!(found["masks"]["disc"]["bad1.0"], 100.0);
 }
 
 #[test]
 fn options_change_the_numbers() {
     let fixture = scene();
-    let value = |protocol: &str, key: &str| {
-        let line = format!("eval d.pfm truth.pfm --json --protocol {protocol}");
-        fixture.json(&line)[key].clone()
-    };
-    assert_eq!(value("middeval3", "avgerr"), 5.0 / 3.0);
-    assert_eq!(value("middeval3 --max-disparity 4.5", "avgerr"), 4.0 / 3.0);
     // All leave the right image at the left, except the last, which meets another disparity there.
     write_map(&fixture, "right.pfm", &[&[10.0, NO, NO, NO, NO]]);
     write_map(&fixture, "near.pfm", &[&[0.0, 1.0, 0.0, NO, 0.0]]);
     write_map(&fixture, "near-right.pfm", &[&[9.0, 0.0, 0.5, 0.0, 0.0]]);
-    let near = "eval near.pfm near.pfm --json --protocol eth3d --right-truth near-right.pfm";
-    let near = fixture.json(near);
-    assert_eq!((&near["pixels"], &near["bad0.5"]), (&2.into(), &0.0.into()));
-    fixture
-        .svl("eval d.pfm truth.pfm --protocol eth3d --right-truth right.pfm")
-        .failed(1, &["nothing to score"]);
     fixture.write("objects.pgm", pgm(5, 1, &[0, 0, 3, 0, 1]));
-    let objects = "kitti15 --object-map objects.pgm";
-    assert_eq!(
-        (value(objects, "d1_bg"), value(objects, "d1_fg")),
-        (0.0.into(), 100.0.into())
-    );
     // 8-bit files, both of one scale.
     fixture.write("d.pgm", pgm(2, 1, &[40, 48]));
     fixture.write("truth.pgm", pgm(2, 1, &[40, 0]));
-    let grey = fixture.json("eval d.pgm truth.pgm --protocol middeval3 --disparity-scale 4 --json");
-    assert_eq!((&grey["pixels"], &grey["avgerr"]), (&1.into(), &0.0.into()));
+    fixture.transcript(
+        "eval near.pfm near.pfm --json --protocol eth3d --right-truth near-right.pfm \
+        => /pixels = 2 | /bad0.5 = 0.0
+        eval d.pfm truth.pfm --protocol eth3d --right-truth right.pfm => 1: nothing to score
+        eval d.pfm truth.pfm --json --protocol kitti15 --object-map objects.pgm \
+        => /d1_bg = 0.0 | /d1_fg = 100.0
+        eval d.pgm truth.pgm --protocol middeval3 --disparity-scale 4 --json \
+        => /pixels = 1 | /avgerr = 0.0",
+    );
+    for (options, error) in [("", 5.0 / 3.0), (" --max-disparity 4.5", 4.0 / 3.0)] {
+        let line = format!("eval d.pfm truth.pfm --json --protocol middeval3{options}");
+        assert_eq!(fixture.json(&line)["avgerr"], error);
+    }
 }
 
 #[test]
@@ -132,10 +110,10 @@ fn the_error_map_has_the_truths_size() {
     // Right; no estimate; no truth; off by 3.5 px, which is between one and two thresholds.
     let colours = [0, 2, 3, 4].map(|x| picture.get_pixel(x, 0).0);
     assert_eq!(colours, [[49, 54, 149], [128; 3], [0; 3], [254, 224, 144]]);
-    fixture
-        .svl(args)
-        .failed(1, &["e.png: exists already", "--force"]);
-    fixture.run(&format!("{args} --force"));
+    fixture.transcript(&format!(
+        "{args} => 1: e.png: exists already | --force
+        {args} --force"
+    ));
     assert_eq!(read_gray(&fixture.path("e.png")).unwrap().size(), (5, 1));
 }
 
@@ -147,70 +125,51 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
         ("000001_10", &[50.0]),
     ] {
         write_map(&fixture, &format!("d/{name}.pfm"), &[estimate]);
-        fixture.write(
-            &format!("truth/{name}.pgm"),
-            pgm(estimate.len(), 1, &vec![10; estimate.len()]),
-        );
-        fixture.write(
-            &format!("objects/{name}.pgm"),
-            pgm(estimate.len(), 1, &vec![1; estimate.len()]),
-        );
+        for (folder, value) in [("truth", 10), ("objects", 1)] {
+            let image = pgm(estimate.len(), 1, &vec![value; estimate.len()]);
+            fixture.write(&format!("{folder}/{name}.pgm"), image);
+        }
     }
     fixture.write("truth/notes.txt", "not a map");
     fixture.write("truth/._000000_10.pgm", "of macOS");
     fixture.write("d/._000000_10.pfm", "of macOS");
-    let args = |protocol: &str| format!("eval d truth --disparity-scale 1 --protocol {protocol}");
-    insta::assert_snapshot!(fixture.run(&args("kitti12")));
-    let mean = fixture.json(&args("kitti12 --json"));
-    assert_eq!((&mean["out3"], &mean["pixels"]), (&50.0.into(), &4.into()));
-    assert_eq!(mean["images"]["000001_10"]["out3"], 100.0);
-    let pooled = fixture.json(&args("kitti15 --json --object-map objects"));
-    assert_eq!(
-        (&pooled["d1_all"], &pooled["d1_fg"], &pooled["d1_bg"]),
-        (&25.0.into(), &25.0.into(), &Value::Null)
-    );
-
-    let wrong = "
+    let eval = "eval d truth --disparity-scale 1";
+    insta::assert_snapshot!(fixture.run(&format!("{eval} --protocol kitti12")));
+    fixture.transcript(&format!(
+        "{eval} --protocol kitti12 --json => /out3 = 50.0 | /pixels = 4 \
+        | /images/000001_10/out3 = 100.0
+        {eval} --protocol kitti15 --json --object-map objects => /d1_all = 25.0 | /d1_fg = 25.0 \
+        | /d1_bg = null
         eval d truth/000000_10.pgm --protocol kitti12 => 1: d: is a folder
         eval d truth --protocol kitti12 --error-map e.png => 2: --error-map draws one image
-        eval d truth --disparity-scale 1 --protocol kitti12 --mask d => 1: 10.pfm | not a readable
-    ";
-    fixture.fails(wrong);
+        {eval} --protocol kitti12 --mask d => 1: 10.pfm | not a readable"
+    ));
     // More estimates than truths: reported, and scored without the surplus.
     write_map(&fixture, "d/000002_10.pfm", &[&[1.0]]);
-    let more = fixture.svl(&args("kitti12"));
-    assert_says(&more.stderr, &["d/000002_10.pfm: has no truth in truth"]);
-    assert_says(&more.done(), &["2 images"]);
+    fixture.transcript(&format!(
+        "{eval} --protocol kitti12 => 0~ d/000002_10.pfm: has no truth in truth => 2 images"
+    ));
     fixture.write("truth/000003_10.pgm", pgm(1, 1, &[10]));
-    fixture
-        .svl(&args("kitti15"))
-        .failed(1, &["d: has no file named 000003_10"]);
+    let fails = |words: &str| fixture.fails(&format!("{eval} --protocol kitti15 => 1: {words}"));
+    fails("d: has no file named 000003_10");
     fixture.write("d/000003_10.tif", "");
-    fixture.svl(&args("kitti15")).failed(
-        1,
-        &["which has a truth; d/000003_10.tif is not read: convert it"],
-    );
+    fails("which has a truth; d/000003_10.tif is not read: convert it");
     fixture.write("truth/000003_10.png", "");
-    fixture
-        .svl(&args("kitti15"))
-        .failed(1, &["000003_10.pgm", "000003_10.png", "keep one"]);
-    std::fs::create_dir(fixture.path("empty")).unwrap();
-    fixture.fails("eval d empty --protocol eth3d => 1: empty: holds no .pfm");
+    fails("000003_10.pgm | 000003_10.png | keep one");
+    fixture.transcript(
+        "mkdir empty
+        eval d empty --protocol eth3d => 1: empty: holds no .pfm",
+    );
 }
 
 #[test]
 fn scenes_of_middlebury_have_weights_masks_and_ranges() {
     let fixture = Fixture::new();
     for (scene, estimate) in [("Adirondack", 4.0), ("PianoL", 9.0), ("Teddy", 99.0)] {
-        write_map(
-            &fixture,
-            &format!("t/{scene}/disp0GT.pfm"),
-            &[&[4.0, 4.0, NO, 4.0]],
-        );
-        fixture.write(
-            &format!("t/{scene}/mask0nocc.png"),
-            pgm(4, 1, &[255, 128, 0, 255]),
-        );
+        let truth = format!("t/{scene}/disp0GT.pfm");
+        write_map(&fixture, &truth, &[&[4.0, 4.0, NO, 4.0]]);
+        let mask = pgm(4, 1, &[255, 128, 0, 255]);
+        fixture.write(&format!("t/{scene}/mask0nocc.png"), mask);
         fixture.write(&format!("t/{scene}/calib.txt"), "ndisp=8\n");
         write_map(
             &fixture,
@@ -218,37 +177,22 @@ fn scenes_of_middlebury_have_weights_masks_and_ranges() {
             &[&[estimate; 4]],
         );
     }
-    let args = "eval r t --protocol middeval3";
-    let ran = fixture.svl(args);
-    assert_says(
-        &ran.stderr,
-        &["not that of the benchmark: it lacks ArtL, Jadeplant, Motorcycle"],
-    );
-    assert_says(
-        &ran.done(),
-        &["3 images, their weighted mean, by mask0nocc.png"],
-    );
+    write_map(&fixture, "other.pfm", &[&[4.0]]);
     // Errors of 0, 4 (9 clipped to 8) and 4 px, of which the second counts half.
-    let found = fixture.json(&format!("{args} --json"));
-    assert_eq!(
-        (&found["avgerr"], &found["pixels"]),
-        (&2.4.into(), &6.into())
-    );
-    let wider = fixture.json(&format!("{args} --json --max-disparity 9"));
-    assert_eq!(wider["images"]["PianoL"]["avgerr"], 5.0);
-    let mask = fixture.path("t/Teddy/mask0nocc.png");
-    std::fs::rename(&mask, fixture.path("mask")).unwrap();
-    fixture
-        .svl(args)
-        .failed(1, &["Adirondack has mask0nocc.png and Teddy has none"]);
-    std::fs::rename(fixture.path("mask"), &mask).unwrap();
-    write_map(&fixture, "r/Teddy/disp0other.pfm", &[&[4.0]]);
-    let wrong = "
+    fixture.transcript(
+        "eval r t --protocol middeval3 \
+        => 0~ not that of the benchmark: it lacks ArtL, Jadeplant, Motorcycle \
+        => 3 images, their weighted mean, by mask0nocc.png
+        eval r t --protocol middeval3 --json => /avgerr = 2.4 | /pixels = 6
+        eval r t --protocol middeval3 --json --max-disparity 9 => /images/PianoL/avgerr = 5.0
+        mv t/Teddy/mask0nocc.png mask
+        eval r t --protocol middeval3 => 1: Adirondack has mask0nocc.png and Teddy has none
+        mv mask t/Teddy/mask0nocc.png
+        mv other.pfm r/Teddy/disp0other.pfm
         eval r t --protocol middeval3 => 1: disp0mine.pfm and | belong to the same scene; keep one
         eval r t --protocol middeval3 --mask m.png => 2: the folders of scenes have mask0nocc.png
-        eval t t --protocol middeval3 => 1: t: has no SCENE/disp0NAME.pfm
-    ";
-    fixture.fails(wrong);
+        eval t t --protocol middeval3 => 1: t: has no SCENE/disp0NAME.pfm",
+    );
 }
 
 #[test]
@@ -257,48 +201,33 @@ fn maps_say_what_they_are() {
     let truth = fixture.bytes("truth.pfm");
     let windows = String::from_utf8_lossy(&truth[..10]).replace('\n', "\r\n");
     fixture.write("windows.pfm", [windows.as_bytes(), &truth[10..]].concat());
-    let same = fixture.json("eval windows.pfm truth.pfm --protocol middeval3 --json");
-    assert_eq!((&same["avgerr"], &same["pixels"]), (&0.0.into(), &4.into()));
     fixture.write("longer.pfm", [&truth[..], b"ab"].concat());
     fixture.write("three.pfm", [&truth[..10], &truth[10..].repeat(3)].concat());
     fixture.write("page.pfm", "<!DOCTYPE html>");
-    fixture.write(
-        "pointer.png",
-        "version https://git-lfs.github.com/spec/v1\noid sha256:0",
-    );
-    let wrong = "
+    let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0";
+    fixture.write("pointer.png", pointer);
+    for factor in [1.0, 16.0] {
+        let row: Vec<_> = (0..1000).map(|x| factor * (8 + x / 100) as f32).collect();
+        write_map(&fixture, &format!("{factor}.pfm"), &[&row]);
+    }
+    // 16-bit images of 100 times the disparity, against themselves.
+    let steps = [4000u16, 0, 8250].map(u16::to_be_bytes).concat();
+    fixture.write("d.pgm", [b"P5\n3 1\n65535\n".to_vec(), steps].concat());
+    fixture.write("odd.pgm", pgm(5, 1, &[255, 255, 1, 1, 255]));
+    let same = "eval d.pgm d.pgm --protocol kitti15 --disparity-scale 100 --json";
+    fixture.transcript(&format!(
+        "eval windows.pfm truth.pfm --protocol middeval3 --json => /avgerr = 0.0 | /pixels = 4
         eval longer.pfm truth.pfm --protocol eth3d => 1: 5x1 needs 20 bytes of pixels, got 22
         eval three.pfm truth.pfm --protocol eth3d => 1: got 60: three channels
         eval page.pfm truth.pfm --protocol eth3d => 1: page.pfm: is a web page (HTML)
         eval pointer.png truth.pfm --protocol eth3d => 1: `git lfs pull`
-    ";
-    fixture.fails(wrong);
-    let scaled = |factor: f32| {
-        let row: Vec<_> = (0..1000).map(|x| factor * (8 + x / 100) as f32).collect();
-        write_map(&fixture, &format!("{factor}.pfm"), &[&row]);
-    };
-    scaled(1.0);
-    scaled(16.0);
-    let ran = fixture.svl("eval 16.pfm 1.pfm --protocol eth3d");
-    assert_says(
-        &ran.stderr,
-        &["16.pfm: its disparities are 16 times those of the truth"],
-    );
-    // 16-bit images of 100 times the disparity, against themselves.
-    let steps = [4000u16, 0, 8250].map(u16::to_be_bytes).concat();
-    fixture.write("d.pgm", [b"P5\n3 1\n65535\n".to_vec(), steps].concat());
-    let same = "eval d.pgm d.pgm --protocol kitti15 --disparity-scale 100 --json";
-    assert_eq!(
-        fixture.json(&format!("{same} --estimate-scale 100"))["d1_all"],
-        0.0
-    );
-    assert_eq!(fixture.json(same)["d1_all"], 100.0);
-    fixture.write("odd.pgm", pgm(5, 1, &[255, 255, 1, 1, 255]));
-    let ran = fixture.svl("eval d.pfm truth.pfm --protocol middeval3 --mask odd.pgm");
-    assert_says(
-        &ran.stderr,
-        &["odd.pgm: 2 pixels of the mask are not 0, 128 or 255"],
-    );
+        eval 16.pfm 1.pfm --protocol eth3d \
+        => 0~ 16.pfm: its disparities are 16 times those of the truth
+        {same} --estimate-scale 100 => /d1_all = 0.0
+        {same} => /d1_all = 100.0
+        eval d.pfm truth.pfm --protocol middeval3 --mask odd.pgm \
+        => 0~ odd.pgm: 2 pixels of the mask are not 0, 128 or 255"
+    ));
 }
 
 #[test]
@@ -306,33 +235,28 @@ fn values_that_stand_for_unknown_are_counted_and_not_scored() {
     let fixture = scene();
     let line = "eval d.pfm truth.pfm --protocol middeval3 --json";
     let expected = fixture.run(line);
+    let is_counted = |from: &str, to: &str, words: &str| {
+        let ran = fixture.svl(&line.replace(from, to));
+        assert_says(&ran.stderr, &[&format!("{to}: 1 {words} count as unknown")]);
+        assert_eq!(ran.done(), expected, "{to}");
+    };
     for code in [-1.0, -16.0, f32::MIN] {
         write_map(&fixture, "minus.pfm", &[&[4.0, 5.5, code, 4.0, 0.5]]);
         write_map(&fixture, "t.pfm", &[&[4.0, 4.0, 4.0, code, 4.0]]);
         for (from, to) in [("d.pfm", "minus.pfm"), ("truth.pfm", "t.pfm")] {
-            let ran = fixture.svl(&line.replace(from, to));
-            let words = format!("{to}: 1 negative disparities count as unknown");
-            assert_says(&ran.stderr, &[&words]);
-            assert_eq!(ran.done(), expected, "{to}");
+            is_counted(from, to, "negative disparities");
         }
     }
     write_map(&fixture, "t.pfm", &[&[4.0, 4.0, 4.0, 1e9, 4.0]]);
-    let ran = fixture.svl(&line.replace("truth.pfm", "t.pfm"));
-    let words = "t.pfm: 1 disparities beyond the image's width count as unknown";
-    assert_says(&ran.stderr, &[words]);
-    assert_eq!(ran.done(), expected);
+    is_counted("truth.pfm", "t.pfm", "disparities beyond the image's width");
     write_map(&fixture, "negated.pfm", &[&[-4.0, -4.0, -4.5, NO, -4.0]]);
-    let of_estimate = line.replace("d.pfm", "negated.pfm");
-    let ran = fixture.svl(&of_estimate);
     let words = "negated.pfm: its disparities are negative, of the opposite sign";
-    assert_says(&ran.stderr, &[words]);
-    let printed: Value = serde_json::from_str(&ran.done()).unwrap();
-    let doubts = &printed["doubts"];
-    assert_eq!(doubts[0]["cure"]["kind"], "opposite_sign", "{printed}");
-    assert_eq!(doubts[0]["value"], -4.0);
-    fixture
-        .svl(&line.replace("truth.pfm", "negated.pfm"))
-        .failed(1, &[words]);
+    fixture.transcript(&format!(
+        "{} => 0~ {words} => /doubts/0/cure/kind = opposite_sign | /doubts/0/value = -4.0
+        {} => 1: {words}",
+        line.replace("d.pfm", "negated.pfm"),
+        line.replace("truth.pfm", "negated.pfm")
+    ));
 }
 
 fn in_numpy(args: &[&str]) -> Option<Value> {
@@ -363,8 +287,6 @@ fn quarter_size_scenes_score_as_numpy_computes() {
     let fixture = Fixture::new();
     let shown = |path: &Path| path.display().to_string();
     let (mut sum, mut weights) = (0.0, 0.0);
-    // The range is small for some scenes, so that clipping shows.
-    let args = ["--protocol", "middeval3", "--max-disparity", "48", "--json"];
     let mut expected = Vec::new();
     for (scene, weight) in [
         ("Adirondack", 1.0),
@@ -389,7 +311,11 @@ fn quarter_size_scenes_score_as_numpy_computes() {
         weights += weight;
         expected.push((scene, numbers));
     }
-    let found = fixture.json(&[&["eval", "r", &shown(&root)], &args[..]].concat());
+    // The range is small for some scenes, so that clipping shows.
+    let found = fixture.json(&format!(
+        "eval r {} --protocol middeval3 --max-disparity 48 --json",
+        shown(&root)
+    ));
     for (scene, numbers) in &expected {
         assert_equal(&found["images"][*scene], numbers, scene);
     }
@@ -400,36 +326,26 @@ fn quarter_size_scenes_score_as_numpy_computes() {
 #[test]
 fn files_of_other_programs_have_the_same_values() {
     let fixture = Fixture::new();
-    let Some(names) = python(
-        "maps.py",
-        "cv2, numpy, PIL",
-        [&fixture.path("").display().to_string()],
-    ) else {
+    let Some(names) = python("maps.py", "cv2, numpy, PIL", [fixture.path("")]) else {
         return;
     };
     let names = String::from_utf8(names).unwrap();
     let names: Vec<_> = names.split_whitespace().collect();
     assert_eq!(names.len(), 9);
-    for estimate in &names {
-        for truth in &names {
-            // 16-bit images have 256 times the disparity, arrays of integers 16 times.
-            let scale = |option: &str, name: &str| {
-                let is_array = name.starts_with("integers");
-                let scale = is_array.then(|| format!(" --{option} 16"));
-                scale.unwrap_or_default()
-            };
-            let found = fixture.json(&format!(
-                "eval {estimate} {truth} --protocol middeval3 --json{}{}",
-                scale("estimate-scale", estimate),
-                scale("disparity-scale", truth)
-            ));
-            let numbers = ["avgerr", "invalid", "pixels"].map(|key| found[key].as_f64());
-            assert_eq!(
-                numbers,
-                [Some(0.0), Some(0.0), Some(5.0)],
-                "{estimate} {truth}"
-            );
-        }
+    // 16-bit images have 256 times the disparity, arrays of integers 16 times.
+    let scale = |option: &str, name: &str| match name.starts_with("integers") {
+        true => format!(" --{option} 16"),
+        false => String::new(),
+    };
+    // All estimates equal one truth, and one estimate all truths.
+    let first = names[0];
+    let estimates = names.iter().map(|name| (*name, first));
+    for (estimate, truth) in estimates.chain(names.iter().map(|name| (first, *name))) {
+        let scales = scale("estimate-scale", estimate) + &scale("disparity-scale", truth);
+        fixture.transcript(&format!(
+            "eval {estimate} {truth} --protocol middeval3 --json{scales} \
+            => /avgerr = 0.0 | /invalid = 0.0 | /pixels = 5"
+        ));
     }
 }
 

@@ -6,7 +6,7 @@ use assert_cmd::Command;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use tempfile::TempDir;
 
 pub struct Fixture {
@@ -23,7 +23,7 @@ impl Fixture {
     /// A folder with a recording of twelve frames.
     pub fn recorded() -> Self {
         let fixture = Self::new();
-        fixture.run("record --frames 12 -o run.mcap");
+        fixture.record("run.mcap", "--frames 12");
         fixture
     }
 
@@ -77,18 +77,10 @@ impl Fixture {
     }
 
     /// Every line of `table`, `COMMAND => CODE: WORDS | WORDS`, fails with this code and one line
-    /// that contains all these words. Lines starting with `#` are comments. No data sets are found.
+    /// that contains all these words, as in a [`Fixture::transcript`].
     #[track_caller]
     pub fn fails(&self, table: &str) {
-        let lines = table.lines().map(str::trim);
-        for line in lines.filter(|line| !line.is_empty() && !line.starts_with('#')) {
-            println!("{line}");
-            let (command, expected) = line.split_once(" => ").unwrap();
-            let (code, words) = expected.split_once(": ").unwrap();
-            let words: Vec<_> = words.split(" | ").collect();
-            self.svl_with(command, &[("SVL_DATASETS", "")])
-                .failed(code.parse().unwrap(), &words);
-        }
+        self.transcript(table);
     }
 
     /// Two sources, each with its options, have the same cells and scores, to the digit.
@@ -167,15 +159,7 @@ impl Fixture {
 
     /// The arena with few frames, as a scenario file.
     pub fn write_short_arena(&self, name: &str, frames: u64) -> PathBuf {
-        let text = include_str!("../../../scenarios/arena.toml");
-        let lines = text
-            .lines()
-            .map(|line| match line.split('=').next().map(str::trim) {
-                Some("frames") => format!("frames = {frames}"),
-                Some("seeds") => "seeds = [1, 2]".to_owned(),
-                _ => line.to_owned(),
-            });
-        self.write(name, lines.collect::<Vec<_>>().join("\n"))
+        self.write(name, short_arena(frames))
     }
 
     /// Same as [`Fixture::write_short_arena`], with the recordings of its two runs, which are
@@ -188,26 +172,90 @@ impl Fixture {
         self.write_short_arena(name, frames)
     }
 
+    /// A recording of `svl record WHAT`, which is made once for all tests.
+    pub fn record(&self, name: &str, what: &str) {
+        self.write_recording(name, what, String::new());
+    }
+
+    /// A recording of a run of [`Fixture::write_short_arena`], which is made once for all tests.
+    pub fn record_short_arena(&self, name: &str, frames: u64, seed: u64) {
+        let what = format!("short.toml --seed {seed}");
+        self.write_recording(name, &what, short_arena(frames));
+    }
+
+    /// Writes a recording, of this scenario in `short.toml` if it names that.
+    fn write_recording(&self, name: &str, what: &str, scenario: String) {
+        let files = made("made", &format!("record {what}\n{scenario}"), |fixture| {
+            fixture.write("short.toml", scenario);
+            std::fs::create_dir(fixture.path("made")).unwrap();
+            fixture.run(&format!("record {what} -q -o made/a.mcap"));
+        });
+        self.write(name, &files.get().unwrap()[0].1);
+    }
+
     /// Writes the files below `folder` that `make` leaves there, once for all tests with that
     /// `key`.
     pub fn write_made(&self, folder: &str, key: &str, make: impl FnOnce(&Self)) {
-        type Made = BTreeMap<String, Arc<Mutex<Vec<(PathBuf, Vec<u8>)>>>>;
-        static MADE: Mutex<Made> = Mutex::new(BTreeMap::new());
-        let files = Arc::clone(MADE.lock().entry(key.to_owned()).or_default());
-        let mut files = files.lock();
-        if files.is_empty() {
-            let fixture = Self::new();
-            make(&fixture);
-            add_files(&fixture.path(folder), Path::new(folder), &mut files);
-        }
-        for (path, bytes) in &*files {
+        for (path, bytes) in made(folder, key, make).get().unwrap() {
             self.write(path.to_str().unwrap(), bytes);
         }
     }
+
+    /// Writes a file as another one, with the first text of each pair replaced by the second.
+    #[track_caller]
+    pub fn edit(&self, from: &str, to: &str, edits: &[[&str; 2]]) {
+        let mut text = self.text(from);
+        for [old, new] in edits {
+            assert!(text.contains(old), "{old} is not in: {text}");
+            text = text.replacen(old, new, 1);
+        }
+        self.write(to, text);
+    }
+
+    /// The cells of a column of a table.
+    #[track_caller]
+    pub fn column(&self, table: &str, name: &str) -> Vec<String> {
+        let mut table = csv::Reader::from_path(self.path(table)).unwrap();
+        let heads = table.headers().unwrap();
+        let place = heads.iter().position(|head| head == name).unwrap();
+        let lines = table.records().map(Result::unwrap);
+        lines.map(|line| line[place].to_owned()).collect()
+    }
+}
+
+/// Files by their names.
+type Files = Vec<(PathBuf, Vec<u8>)>;
+
+/// The files below `folder` that `make` leaves there, which is run once for all tests with that
+/// `key`.
+fn made(folder: &str, key: &str, make: impl FnOnce(&Fixture)) -> Arc<OnceLock<Files>> {
+    static MADE: Mutex<BTreeMap<String, Arc<OnceLock<Files>>>> = Mutex::new(BTreeMap::new());
+    let files = Arc::clone(MADE.lock().entry(key.to_owned()).or_default());
+    files.get_or_init(|| {
+        let fixture = Fixture::new();
+        make(&fixture);
+        let mut files = Files::new();
+        add_files(&fixture.path(folder), Path::new(folder), &mut files);
+        files
+    });
+    files
+}
+
+/// The scenario of the arena with few frames in each of two runs.
+fn short_arena(frames: u64) -> String {
+    let text = include_str!("../../../scenarios/arena.toml");
+    let lines = text
+        .lines()
+        .map(|line| match line.split('=').next().map(str::trim) {
+            Some("frames") => format!("frames = {frames}"),
+            Some("seeds") => "seeds = [1, 2]".to_owned(),
+            _ => line.to_owned(),
+        });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Adds the files of a folder, and of those in it, with their paths in `name`.
-fn add_files(folder: &Path, name: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
+fn add_files(folder: &Path, name: &Path, files: &mut Files) {
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
         let (path, name) = (entry.path(), name.join(entry.file_name()));
         if path.is_dir() {
@@ -218,18 +266,25 @@ fn add_files(folder: &Path, name: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
     }
 }
 
-/// Arguments of `svl`: words separated by spaces, `''` for an empty one; an array if an argument
-/// contains a space.
+/// Arguments of `svl`: words separated by spaces, of which one that begins with `'` goes on to the
+/// next `'`; or an array.
 pub trait CommandLine {
     fn arguments(&self) -> Vec<&str>;
 }
 
 impl CommandLine for str {
     fn arguments(&self) -> Vec<&str> {
-        let words = self.split_whitespace();
+        let mut words = Vec::new();
+        let mut rest = self.trim_start();
+        while !rest.is_empty() {
+            let (word, others) = match rest.strip_prefix('\'') {
+                Some(quoted) => quoted.split_once('\'').expect("a closing quote"),
+                None => rest.split_once(char::is_whitespace).unwrap_or((rest, "")),
+            };
+            words.push(word);
+            rest = others.trim_start();
+        }
         words
-            .map(|word| if word == "''" { "" } else { word })
-            .collect()
     }
 }
 
@@ -281,11 +336,18 @@ impl Ran {
     #[track_caller]
     pub fn failed(self, code: i32, words: &[&str]) -> String {
         assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);
+        let line = self.error();
+        assert_says(line, words);
+        line.to_owned()
+    }
+
+    /// The only line on standard error, an error.
+    #[track_caller]
+    pub fn error(&self) -> &str {
         let lines: Vec<_> = self.stderr.lines().filter(|l| !l.is_empty()).collect();
         assert_eq!(lines.len(), 1, "one line, not:\n{}", self.stderr);
-        assert_says(lines[0], words);
         assert!(lines[0].starts_with("error: "), "{}", lines[0]);
-        lines[0].to_owned()
+        lines[0]
     }
 }
 

@@ -1,8 +1,8 @@
 //! Truth of a folder's pairs from files: depth images, NumPy's arrays, KITTI's laser scans.
 
 use super::fixture::{Fixture, assert_says};
+use super::transcript::assert_words;
 use crate::recording::bag::png;
-use svl::scenario::SourceOptions;
 use svl::source::{Request, open};
 use svl::stereo::{Frame, MapDensity, TruthOrigin};
 
@@ -33,14 +33,9 @@ fn scene(fixture: &Fixture) {
 
 fn frames(fixture: &Fixture, name: &str, truth: &str) -> Vec<Frame> {
     let path = fixture.path(name);
-    let mut source = open(&Request {
-        options: SourceOptions {
-            truth: Some(truth.to_owned()),
-            ..SourceOptions::default()
-        },
-        ..Request::new(path.to_str().unwrap())
-    });
-    let source = &mut source.as_mut().unwrap().source;
+    let mut request = Request::new(path.to_str().unwrap());
+    request.options.truth = Some(truth.to_owned());
+    let source = &mut open(&request).unwrap().source;
     std::iter::from_fn(|| source.next().unwrap()).collect()
 }
 
@@ -48,10 +43,8 @@ fn frames(fixture: &Fixture, name: &str, truth: &str) -> Vec<Frame> {
 fn depth_images_and_arrays_are_the_same_truth() {
     let fixture = Fixture::new();
     scene(&fixture);
-    let metres: Vec<u8> = steps()
-        .iter()
-        .flat_map(|&step| (f32::from(step) / 1000.0).to_le_bytes())
-        .collect();
+    let metres = steps().into_iter().map(|step| f32::from(step) / 1000.0);
+    let metres: Vec<u8> = metres.flat_map(f32::to_le_bytes).collect();
     // By the name of the pair, and 10 ms from its stamp; 30 ms away is too far.
     for (folder, times) in [("depth", ["00", "05"]), ("near", ["01", "08"])] {
         for time in times {
@@ -71,23 +64,19 @@ fn depth_images_and_arrays_are_the_same_truth() {
     assert_eq!(truth(&by_name[0]).kind.density, MapDensity::Dense);
     for pattern in ["depth/*.npy", "depth/*.png:unit=0.001"] {
         let others = frames(&fixture, "p", pattern);
-        let pairs = others.iter().zip(&by_name);
-        assert!(
-            pairs
-                .into_iter()
-                .all(|(a, b)| truth(a).disparity == truth(b).disparity),
-            "{pattern}"
-        );
+        let mut pairs = others.iter().zip(&by_name);
+        let is_same = pairs.all(|(a, b)| truth(a).disparity == truth(b).disparity);
+        assert!(is_same, "{pattern}");
     }
     let near = frames(&fixture, "p", "near/*.png");
     assert_eq!([0, 1].map(|i| near[i].truth.is_some()), [true, false]);
     let ten = frames(&fixture, "p", "depth/*.png:unit=0.01");
     let [one, ten] = [&by_name[0], &ten[0]].map(|frame| truth(frame).disparity.get(1, 0));
     assert!((one / ten - 10.0).abs() < 1e-5);
-    let info = fixture.run("info p");
-    assert_says(&info, &["depth/*.png", "depth/*.npy"]);
-    let scored = fixture.run("score p --truth depth/*.png --algo bm --output r");
-    assert_says(&scored, &["against the sensor depth/*.png"]);
+    fixture.transcript(
+        "info p => depth/*.png | depth/*.npy
+        score p --truth depth/*.png --algo bm --output r => against the sensor depth/*.png",
+    );
 }
 
 #[test]
@@ -97,10 +86,18 @@ fn invalid_truths_are_refused_in_one_line() {
     fixture.write("p/depth/1700000000.00.png", png(SIZE, &[9u8; 40 * 24]));
     fixture.write("p/small/1700000000.00.png", png((2, 2), &[9u16; 4]));
     fixture.write("p/scan/1700000000.00.bin", [0; 16]);
+    fixture.write("p/other/a.png", png(SIZE, &steps()));
+    fixture.write("p/late/1700000000.012.png", png(SIZE, &steps()));
+    fixture.write("p/both/1699999999.00.png", [0]);
+    fixture.write("p/both/1700000000.05.png", [0]);
     fixture.write_pair("q/left/1.pgm", "q/right/1.pgm", SIZE, 3);
     fixture.write("q/depth/1.png", png(SIZE, &steps()));
     fixture.write_pair("s/im0.pgm", "s/im1.pgm", SIZE, 3);
-    fixture.fails(
+    // Each warning is told once, and does not hide the others. An unreadable file costs its pair's
+    // truth.
+    let record = "record p -o x.mcap --force --truth";
+    let late = "late/1700000000.012.png is 12.0 ms from its pair: at 1 m/s the scene moves";
+    fixture.transcript(&format!(
         "record p -o x.mcap --truth /depth => 2: is a pattern with one *
          record p -o x.mcap --truth no/*.png => 1: no such file | velodyne/*.bin
          record p -o x.mcap --truth depth/*.png:unit=mm => 2: metres per step
@@ -108,39 +105,20 @@ fn invalid_truths_are_refused_in_one_line() {
          record p -o x.mcap --truth small/*.png => 1: is 2x2, the left image 40x24
          record p -o x.mcap --truth scan/*.bin => 1: laser scans need KITTI's
          record q -o x.mcap --truth depth/*.png => 1: --calib FILE
-         record s -o x.mcap --truth depth/*.png => 2: --truth is for sequences of pairs",
-    );
-    fixture.write("p/other/a.png", png(SIZE, &steps()));
-    fixture.write("p/late/1700000000.012.png", png(SIZE, &steps()));
-    // Each is told once, and does not hide the others.
+         record s -o x.mcap --truth depth/*.png => 2: --truth is for sequences of pairs
+         {record} both/*.png => 0~ no file fits | left out, its pair has no truth
+         {record} depth/*.png => 0~ 1700000000.00.png: is not an image of one channel of 16 bits"
+    ));
     for (pattern, words) in [
         (
             "other",
             "no file fits the pair '1700000000.00': the part at * is 'a'",
         ),
-        (
-            "late",
-            "late/1700000000.012.png is 12.0 ms from its pair: at 1 m/s the scene moves",
-        ),
+        ("late", late),
     ] {
-        let ran = fixture.svl(&format!(
-            "record p -o x.mcap --force --truth {pattern}/*.png"
-        ));
-        assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
+        let ran = fixture.svl(&format!("{record} {pattern}/*.png"));
+        assert_words(&ran.stderr, &format!("1x {words}"));
     }
-    fixture.write("p/both/1699999999.00.png", [0]);
-    fixture.write("p/both/1700000000.05.png", [0]);
-    let ran = fixture.svl("record p -o x.mcap --force --truth both/*.png");
-    assert_says(
-        &ran.stderr,
-        &["no file fits", "left out, its pair has no truth"],
-    );
-    // An unreadable file costs its pair's truth.
-    let ran = fixture.svl("record p -o x.mcap --force --truth depth/*.png");
-    assert_says(
-        &ran.stderr,
-        &["1700000000.00.png: is not an image of one channel of 16 bits"],
-    );
 }
 
 #[test]
@@ -149,16 +127,10 @@ fn each_unusable_file_is_named_with_its_reason() {
     scene(&fixture);
     fixture.write("p/depth/1700000000.00.png", "no image");
     fixture.write("p/depth/1700000000.05.png", [0]);
-    let ran = fixture.svl("info p");
-    assert_says(
-        &ran.stderr,
-        &["1700000000.00.png: not a", "1700000000.05.png: not a"],
-    );
+    fixture.transcript("info p => 0~ 1700000000.00.png: not a | 1700000000.05.png: not a");
     // One of another size is the error of the second pair.
     fixture.write("p/depth/1700000000.05.png", png((8, 8), &[900_u16; 64]));
-    let text = fixture.run("info p");
-    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert_says(&text, &["1700000000.05.png: is 8x8, the left image 40x24"]);
+    fixture.transcript("info p => 1700000000.05.png: is 8x8, the left image 40x24");
 }
 
 /// A pair of 160x120 with a disparity of 8 px everywhere, so at 0.625 m.
@@ -203,29 +175,28 @@ fn disparity_images_are_read_as_such() {
     assert!((truth("metres/*.png").disparity.get(1, 0) - 8.0).abs() < 1e-5);
     let misnamed = truth("disp_occ_0/*.png:unit=0.001");
     assert!((f64::from(misnamed.disparity.get(1, 0)) - 5.0 / 2.048).abs() < 1e-5);
-    for (pattern, words) in [
+    for (name, words) in [
         (
-            "disp_occ_0/*.png",
+            "disp_occ_0",
             "by their names they are disparities, read as :disparity=256",
         ),
         (
-            "other/*.png",
+            "other",
             "match the two images as disparities and not as depths",
         ),
     ] {
-        let ran = fixture.svl(&["record", "w", "-o", "x.mcap", "--force", "--truth", pattern]);
+        let ran = fixture.svl(&format!("record w -o x.mcap --force --truth {name}/*.png"));
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-        let said = ran.stdout + &ran.stderr;
-        assert_eq!(said.matches(words).count(), 1, "{said}");
+        assert_words(&(ran.stdout + &ran.stderr), &format!("1x {words}"));
     }
-    assert_says(
-        &fixture.run("info w"),
-        &["truth           disp_occ_0/*.png, cells 15, disparity (min 8.00 px, median 8.00 px"],
-    );
     // Without a calibration, disparities are a truth all the same.
-    std::fs::remove_file(fixture.path("w/calib.txt")).unwrap();
+    fixture.transcript(
+        "info w => truth           disp_occ_0/*.png, cells 15, disparity (min 8.00 px, \
+        median 8.00 px
+        rm w/calib.txt
+        info w => scored cells 15 | max 8.00 px",
+    );
     assert_eq!(truth("disp_occ_0/*.png").disparity.get(1, 0), 8.0);
-    assert_says(&fixture.run("info w"), &["scored cells 15", "max 8.00 px"]);
 }
 
 #[test]
@@ -236,32 +207,26 @@ fn numbers_that_are_not_the_images_are_named_and_so_are_files_without_a_pair() {
         let [left, right] = ["left", "right"].map(|side| format!("w/{side}/{name}.pgm"));
         fixture.write_pair(&left, &right, WALL, 8);
     }
-    let record = |numbers: std::ops::Range<u16>| {
+    let record = |numbers: std::ops::Range<u16>, words: &str| {
         let folder = format!("disp{}-{}", numbers.start, numbers.end);
         for number in numbers {
-            fixture.write(
-                &format!("w/{folder}/{number}.png"),
-                wall_image(8 * 256 + number),
-            );
+            let image = wall_image(8 * 256 + number);
+            fixture.write(&format!("w/{folder}/{number}.png"), image);
         }
         let pattern = format!("{folder}/*.png");
-        let ran = fixture.svl(&[
-            "record", "w", "-o", "x.mcap", "--force", "--truth", &pattern,
-        ]);
+        let ran = fixture.svl(&format!("record w -o x.mcap --force --truth {pattern}"));
+        assert_words(&ran.stderr, words);
         let found = frames(&fixture, "w", &pattern).into_iter();
         let px = found.map(|f| f.truth.map(|t| t.disparity.get(1, 0) * 256.0 - 2048.0));
-        (ran.stderr, px.collect::<Vec<_>>())
+        px.collect::<Vec<_>>()
     };
-    let (said, px) = record(1..4);
-    assert_says(&said, &["numbers 1 to 3 for pairs 0 to 2: 1 is pair 0"]);
+    let px = record(1..4, "numbers 1 to 3 for pairs 0 to 2: 1 is pair 0");
     assert_eq!(px, [Some(1.0), Some(2.0), Some(3.0)]);
-    let (said, _) = record(1..3);
-    assert_says(
-        &said,
-        &["are read as the pairs' own, so that some have none; if 1 is pair 0"],
+    record(
+        1..3,
+        "are read as the pairs' own, so that some have none; if 1 is pair 0",
     );
-    let (said, px) = record(0..5);
-    assert_says(&said, &["2 files used by no pair, the first is", "3.png"]);
+    let px = record(0..5, "2 files used by no pair, the first is | 3.png");
     assert_eq!(px, [Some(0.0), Some(1.0), Some(2.0)]);
 }
 
@@ -269,68 +234,41 @@ fn numbers_that_are_not_the_images_are_named_and_so_are_files_without_a_pair() {
 fn a_truth_of_another_unit_is_named_with_the_likely_one() {
     let fixture = Fixture::new();
     wall(&fixture);
-    let score = |pattern: &str| {
-        let args = ["score", "w", "--algo", "bm", "--algo", "sgm", "-o", "r"];
-        fixture.svl(&[&args[..], &["--truth", pattern]].concat())
-    };
     // TUM's 1/5000 m, read as millimetres.
     fixture.write("w/depth/0.png", wall_image(3125));
-    let ran = score("depth/*.png");
-    let doubt = "the truth is doubtful: its distances are 5 times those of every algorithm \
-                 (bm, sgm); likely --truth 'depth/*.png:unit=0.0002'";
-    let said = ran.stdout + &ran.stderr;
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert_eq!(said.matches(doubt).count(), 1, "{said}");
-    let summary = fixture.json_file("r/summary.json");
-    assert!(
-        summary.to_string().contains("its distances are 5 times"),
-        "{summary}"
-    );
-    let kept = &fixture.json_file("r/manifest.json")["doubts"][0];
-    assert_eq!(
-        [&kept["of"], &kept["name"], &kept["cure"]["kind"]],
-        ["truth", "scale", "unit"]
-    );
-    let scale = kept["value"].as_f64().unwrap();
-    assert!((scale * 5.0 - 1.0).abs() < 0.1, "{kept}");
-    let page = fixture.text("r/index.html");
-    assert_says(&page, &["its distances are 5 times", "0.666667 to 1.5"]);
-    // `info` compares the truth with bm.
-    let doubts = |truth: &str| {
-        let info = fixture.json(&format!("info w --truth {truth} --json"));
-        let doubts = info["usability"]["doubts"].as_array().unwrap().clone();
-        doubts
-            .into_iter()
-            .map(|doubt| doubt["cure"]["kind"].clone())
-    };
-    assert!(doubts("depth/*.png").any(|kind| kind == "unit"));
-    assert!(!doubts("depth/*.png:unit=0.0002").any(|kind| kind == "unit"));
-    let ran = score("depth/*.png:unit=0.0002");
-    assert!(!(ran.stdout + &ran.stderr).contains("doubtful"));
-    // 0.6 mm is no distance.
-    let ran = score("depth/*.png:unit=0.0000002");
-    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
     fixture.write("w/near/0.png", wall_image(625));
-    score("near/*.png:unit=0.000001").failed(
-        1,
-        &[
-            "is impossible: its median disparity is 8000 px (0.000625 m)",
-            "likely --truth 'near/*.png:unit=0.001'",
-        ],
-    );
     // A single impossible pixel is dropped and counted.
     let mut values = vec![6250u16; WALL.0 * WALL.1];
     values[5] = 1;
     fixture.write("w/one/0.png", png(WALL, &values));
-    let ran = score("one/*.png:unit=0.0001");
-    let words =
-        "pair 0: 1 of 19200 pixels of the truth (sensor one/*.png:unit=0.0001) are impossible";
-    assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
-    assert_says(&fixture.text("r/summary.json"), &["\"impossible\": 1"]);
-    assert_says(
-        &fixture.text("r/index.html"),
-        &["1 pixel of the truth that are impossible"],
-    );
+    let score = "score w --algo bm --algo sgm -o r --truth";
+    let ran = fixture.svl(&format!("{score} depth/*.png"));
+    let doubt = "the truth is doubtful: its distances are 5 times those of every algorithm \
+                 (bm, sgm); likely --truth 'depth/*.png:unit=0.0002'";
+    assert_words(&(ran.stdout + &ran.stderr), &format!("1x {doubt}"));
+    // `info` compares the truth with bm. 0.6 mm is no distance.
+    fixture.transcript(&format!(
+        "cat r/summary.json => its distances are 5 times
+        cat r/index.html => its distances are 5 times | 0.666667 to 1.5
+        cat r/manifest.json => /doubts/0/of = truth | /doubts/0/name = scale \
+        | /doubts/0/cure/kind = unit | /doubts/0/value > 0.18 | /doubts/0/value < 0.22
+        {score} depth/*.png:unit=0.0002 => 0~ !doubtful => !doubtful
+        {score} near/*.png:unit=0.000001 \
+        => 1: is impossible: its median disparity is 8000 px (0.000625 m) \
+        | likely --truth 'near/*.png:unit=0.001'
+        {score} one/*.png:unit=0.0001 => 0~ 1x pair 0: 1 of 19200 pixels of the truth (sensor \
+        one/*.png:unit=0.0001) are impossible
+        cat r/summary.json => \"impossible\": 1
+        cat r/index.html => 1 pixel of the truth that are impossible"
+    ));
+    let ran = fixture.svl(&format!("{score} depth/*.png:unit=0.0000002"));
+    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+    for (truth, is_doubted) in [("depth/*.png", true), ("depth/*.png:unit=0.0002", false)] {
+        let info = fixture.json(&format!("info w --truth {truth} --json"));
+        let mut doubts = info["usability"]["doubts"].as_array().unwrap().iter();
+        let is_of_unit = doubts.any(|doubt| doubt["cure"]["kind"] == "unit");
+        assert_eq!(is_of_unit, is_doubted, "{truth}");
+    }
 }
 
 /// KITTI's odometry: poses of camera 0, beside the sequence or two above it.
@@ -341,43 +279,28 @@ fn kitti_s_poses_are_read() {
         let image = |camera: &str| format!("sequences/07/{camera}/{i}.pgm");
         fixture.write_pair(&image("image_0"), &image("image_1"), SIZE, 3);
     }
-    fixture.write(
-        "sequences/07/calib.txt",
-        "P0: 50 0 20 0 0 50 12 0 0 0 1 0\nP1: 50 0 20 -5 0 50 12 0 0 0 1 0\n",
-    );
     let poses = "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0.5 0 1 0 -0.1 0 0 1 2\n";
     fixture.write("poses/07.txt", poses);
-    fixture.run("record sequences/07 -o x.mcap");
-    let path = fixture.path("x.mcap");
-    let mut reader = svl::recording::Reader::open(path).unwrap();
-    let mut places = Vec::new();
-    while let Some(frame) = reader.next_pair().unwrap() {
-        places.push(frame.pose.map(|pose| pose.translation.vector.data.0[0]));
-    }
-    assert_eq!(places, [Some([0.0; 3]), Some([0.5, 2.0, 0.1]), None]);
-    // The colour cameras are beside camera 0, whose poses these are: 0.06 m to its left.
-    for (from, to) in [("image_0", "image_2"), ("image_1", "image_3")] {
-        let [from, to] = [from, to].map(|name| fixture.path(&format!("sequences/07/{name}")));
-        std::fs::rename(from, to).unwrap();
-    }
     let places = |calib: &str| {
         fixture.write("sequences/07/calib.txt", calib);
-        fixture.run("record sequences/07 -o c.mcap --force");
-        let mut reader = svl::recording::Reader::open(fixture.path("c.mcap")).unwrap();
-        let second = [reader.next_pair(), reader.next_pair()].into_iter().last();
-        second
-            .unwrap()
-            .unwrap()
-            .unwrap()
-            .pose
-            .unwrap()
-            .translation
-            .x
+        fixture.run("record sequences/07 -o x.mcap --force");
+        let mut reader = svl::recording::Reader::open(fixture.path("x.mcap")).unwrap();
+        let pairs = std::iter::from_fn(|| reader.next_pair().unwrap());
+        let poses = pairs.map(|frame| frame.pose);
+        let place = |pose: svl::stereo::Pose| pose.translation.vector.data.0[0];
+        poses.map(|pose| pose.map(place)).collect::<Vec<_>>()
     };
+    let grey = "P0: 50 0 20 0 0 50 12 0 0 0 1 0\nP1: 50 0 20 -5 0 50 12 0 0 0 1 0\n";
+    assert_eq!(places(grey), [Some([0.0; 3]), Some([0.5, 2.0, 0.1]), None]);
+    // The colour cameras are beside camera 0, whose poses these are: 0.06 m to its left.
+    fixture.transcript(
+        "mv sequences/07/image_0 sequences/07/image_2
+        mv sequences/07/image_1 sequences/07/image_3",
+    );
     let colour = "P2: 50 0 20 3 0 50 12 0 0 0 1 0\nP3: 50 0 20 -2 0 50 12 0 0 0 1 0\n";
-    assert!((places(colour) - 0.44).abs() < 1e-12);
-    std::fs::remove_file(fixture.path("sequences/07/calib.txt")).unwrap();
-    let ran = fixture.svl(&["record", "sequences/07", "-o", "c.mcap", "--force"]);
+    assert!((places(colour)[1].unwrap()[0] - 0.44).abs() < 1e-12);
+    fixture.transcript("rm sequences/07/calib.txt");
+    let ran = fixture.svl("record sequences/07 -o x.mcap --force");
     assert_says(&ran.stderr, &["the poses of camera 0"]);
     fixture.write("sequences/07/calib.txt", colour);
     fixture.write("sequences/07/poses.txt", "1 0 0\n");
@@ -410,10 +333,7 @@ fn kitti_s_scans_are_moved_into_the_camera() {
     assert_eq!(known, [(15, 12)]);
     assert!((truth.disparity.get(15, 12) - 1.0).abs() < 1e-5);
     assert_eq!(truth.kind.density, MapDensity::Sparse);
-    assert_says(
-        &fixture.run("info day/drive"),
-        &["velodyne_points/data/*.bin"],
-    );
+    fixture.transcript("info day/drive => velodyne_points/data/*.bin");
 }
 
 #[test]
@@ -427,24 +347,20 @@ fn a_checkpoint_by_place_needs_poses() {
          radius_m = 1\nheading_deg = 0\nheading_tolerance_deg = 9\n\
          [[checkpoint.cell]]\nat = [1, 1]\nfree = true\n",
     );
-    let score = ["score", "place.toml", "-q", "-o", "r"];
-    fixture.svl(&score).failed(1, &["at_m needs poses"]);
+    fixture.fails("score place.toml -q -o r => 1: at_m needs poses");
 }
 
 #[test]
 fn depth_images_of_pairs_that_svl_rectifies_are_refused() {
     let fixture = Fixture::new();
     fixture.write_euroc("60.0");
-    for file in std::fs::read_dir(fixture.path("mav0/cam0/data")).unwrap() {
-        let name = file.unwrap().file_name().into_string().unwrap();
-        let stem = name.split('.').next().unwrap();
-        fixture.write(&format!("mav0/depth/{stem}.png"), png(SIZE, &steps()));
+    for name in ["a", "b"] {
+        fixture.write(&format!("mav0/depth/{name}.png"), png(SIZE, &steps()));
     }
-    let args = ["record", "mav0", "--truth", "depth/*.png", "-o", "x.mcap"];
-    let words = ["before svl rectifies them", "--calib none"];
-    let ran = fixture.svl(&args);
-    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
-    assert_says(&ran.stderr, &words);
+    fixture.transcript(
+        "record mav0 --truth depth/*.png -o x.mcap \
+        => 1~ before svl rectifies them | --calib none",
+    );
 }
 
 #[test]
@@ -452,18 +368,10 @@ fn options_that_need_a_truth_are_told_where_there_is_none() {
     let fixture = Fixture::new();
     scene(&fixture);
     let line = "score p --algo bm:max_disparity=8 --rerun none";
-    let given = "--area floor --beyond 2 --camera-height 0.3";
-    for (options, words) in [
-        (
-            given,
-            "--area, --beyond, --camera-height need a ground truth",
-        ),
-        ("--beyond 2", "--beyond needs a ground truth"),
-    ] {
-        let ran = fixture.svl(&format!("{line} {options} -o r"));
-        assert_eq!(ran.code, Some(0));
-        assert_says(&ran.stderr, &[words]);
-    }
-    let ran = fixture.svl(&format!("{line} -o plain"));
-    assert!(!ran.stderr.contains("ground truth"), "{}", ran.stderr);
+    fixture.transcript(&format!(
+        "{line} --area floor --beyond 2 --camera-height 0.3 -o r \
+        => 0~ --area, --beyond, --camera-height need a ground truth
+        {line} --beyond 2 -o r => 0~ --beyond needs a ground truth
+        {line} -o plain => 0~ !ground truth"
+    ));
 }

@@ -30,7 +30,7 @@ fn short_help_fits_a_screen_and_options_have_headings() {
     assert!(all.len() >= 30, "{all:?}");
     for command in all {
         let words: Vec<_> = command.split(' ').collect();
-        for (flag, most) in [("-h", 40), ("--help", usize::MAX)] {
+        for (flag, most) in [("-h", 60), ("--help", usize::MAX)] {
             let line = [&words[..], &[flag]].concat();
             let text = fixture.svl_with(&line, &[("COLUMNS", "80")]).done();
             let lines = text.lines().count();
@@ -52,6 +52,58 @@ fn short_help_fits_a_screen_and_options_have_headings() {
     }
     let front = fixture.svl_with(&["-h"], &[("COLUMNS", "80")]).done();
     assert!(front.lines().count() <= 46, "{front}");
+}
+
+/// Pages that a new user reads first.
+const FIRST_PAGES: [&str; 4] = [
+    "README.md",
+    "docs/own-data.md",
+    "docs/tutorials/first-number.md",
+    "docs/tutorials/network.md",
+];
+
+/// The options that a page uses, each with its command.
+fn options_used(page: &str, commands: &[String]) -> Vec<(String, String)> {
+    let lines = page.replace("\\\n", " ");
+    let lines = lines.split(['\n', '`']);
+    let calls = lines.filter_map(|line| line.split_once("svl ").map(|(_, call)| call));
+    let options = calls.flat_map(|call| {
+        let call = call.trim_start_matches("-q ");
+        let takes =
+            |command: &&String| call == **command || call.starts_with(&format!("{command} "));
+        let command = commands.iter().filter(takes).max_by_key(|name| name.len());
+        let options = call.split(' ').filter(|word| word.starts_with('-'));
+        let names = options.filter_map(|word| word.split(['=', ',', ';', ')']).next());
+        let named = names.map(|name| Some((command?.clone(), name.to_owned())));
+        named.flatten().collect::<Vec<_>>()
+    });
+    options.collect()
+}
+
+#[test]
+fn short_help_has_the_options_of_the_first_pages() {
+    let fixture = Fixture::new();
+    let mut all = commands(&fixture, "");
+    for command in ["calibrate", "label", "train", "datasets", "generate"] {
+        all.extend(commands(&fixture, command));
+    }
+    let pages = FIRST_PAGES.map(|page| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(page);
+        std::fs::read_to_string(path).unwrap()
+    });
+    let used = pages.iter().flat_map(|page| options_used(page, &all));
+    let used: std::collections::BTreeSet<_> = used.collect();
+    assert!(used.len() >= 25, "{used:?}");
+    let mut help = std::collections::BTreeMap::new();
+    for (command, option) in used {
+        let help = help
+            .entry(command.clone())
+            .or_insert_with(|| fixture.run(&format!("{command} -h")));
+        let is_shown = help
+            .split([' ', ',', '[', '=', '\n'])
+            .any(|word| word == option);
+        assert!(is_shown, "svl {command} -h lacks {option}:\n{help}");
+    }
 }
 
 /// A default ends a line of its option, once. Possible values that are not all are not listed.
@@ -82,12 +134,12 @@ fn options_of_sources_are_listed_once() {
     for command in ["record", "replay", "score", "tune", "train filter"] {
         let short = fixture.run(&format!("{command} -h"));
         assert!(
-            short.contains(hint) && !short.contains("--side-by-side"),
+            short.contains(hint) && !short.contains("--max-skew-ms"),
             "{short}"
         );
         assert_says(
             &fixture.run(&format!("{command} --help")),
-            &["--side-by-side", "svl help sources"],
+            &["--max-skew-ms", "svl help sources"],
         );
     }
     assert_eq!(fixture.run("help score"), fixture.run("score --help"));

@@ -1,137 +1,108 @@
 //! `svl info`.
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::Fixture;
 use crate::recording::bag::{self, ros_image};
+use serde_json::{Value, json};
 
 #[test]
 fn says_what_a_recording_holds() {
     let fixture = Fixture::new();
-    fixture.run("record --frames 4 -o a.mcap");
-    let text = fixture.run("info a.mcap");
-    assert_says(
-        &text,
-        &[
-            "/stereo/left/image",
-            "foxglove.RawImage",
-            "/truth/depth",
-            "arena",
-            "geometry        rectified",
-        ],
+    fixture.record("a.mcap", "--frames 4");
+    fixture.transcript(
+        "info a.mcap => /stereo/left/image | foxglove.RawImage | /truth/depth | arena \
+        | geometry        rectified
+        info a.mcap --json => /damage = null | /first_pairs/geometry = rectified \
+        | /misalignment = []",
     );
-    let json = fixture.json("info a.mcap --json");
-    assert!(json["damage"].is_null());
-    assert_eq!(json["first_pairs"]["geometry"], "rectified");
-    assert_eq!(json["misalignment"], serde_json::json!([]));
 }
 
 #[test]
 fn says_whether_pairs_are_raw_and_misaligned() {
     let fixture = Fixture::new();
-    // Boards of two cameras with distortion are raw.
-    fixture.run("record board --frames 1 -o raw.mcap");
-    assert_says(&fixture.run("info raw.mcap"), &["geometry        raw\n"]);
-
-    // The arena's right image is 0.25 px low, which v4 rounds to no row; v3 measures none.
-    fixture.write_short_arena("arena.toml", 3);
-    fixture.run("record arena.toml -o a.mcap");
-    fixture.run("replay a.mcap --algo v4 --algo v3 -o result.mcap");
-    let text = fixture.run("info result.mcap");
-    assert_says(
-        &text,
-        &[
-            "by algorithm    v4, min 0 px, median 0 px, max 0 px, pairs 3\n",
-            "\nmisaligned      0.2",
-        ],
-    );
-    let json = fixture.json("info result.mcap --json");
-    let v4 = serde_json::json!([
-        { "algorithm": "v4", "pairs": 3, "median_px": 0, "min_px": 0, "max_px": 0 }
-    ]);
-    assert_eq!(json["misalignment"], v4);
-    let measured = json["first_pairs"]["vertical_misalignment"]["median_abs_px"].as_f64();
-    assert!((measured.unwrap() - 0.25).abs() < 0.05, "{measured:?}");
+    fixture.record("raw.mcap", "board --frames 1");
+    fixture.record_short_arena("a.mcap", 3, 1);
+    // Boards of two cameras with distortion are raw. The arena's right image is 0.25 px low, which
+    // v4 rounds to no row; v3 measures none.
+    let measured = "/first_pairs/vertical_misalignment/median_abs_px";
+    fixture.transcript(&format!(
+        "info raw.mcap => geometry        raw\\n
+        replay a.mcap --algo v4 --algo v3 -o result.mcap
+        info result.mcap => by algorithm    v4, min 0 px, median 0 px, max 0 px, pairs 3\\n \
+        | \\nmisaligned      0.2
+        info result.mcap --json => /misalignment/# = 1 | /misalignment/0/algorithm = v4 \
+        | /misalignment/0/pairs = 3 | /misalignment/0/median_px = 0 | /misalignment/0/min_px = 0 \
+        | /misalignment/0/max_px = 0 | {measured} > 0.2 | {measured} < 0.3"
+    ));
 }
 
 #[test]
 fn the_first_pairs_answer_the_first_questions() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("arena.toml", 3);
-    fixture.run("record arena.toml -o a.mcap");
-    fixture.run("record a.mcap --ros2 -o ros.mcap");
-    let first = |name: &str| fixture.json(&format!("info {name} --json"))["first_pairs"].take();
-    let own = first("a.mcap");
-    assert_eq!(
-        own["chain"],
-        serde_json::json!(["distinct", "check", "floor"])
+    fixture.record_short_arena("a.mcap", 3, 1);
+    fixture.write_euroc("57.0");
+    fixture.write("empty/notes.txt", "");
+    // Raw images of pixels that are not square, in a folder.
+    fixture.transcript(
+        "record a.mcap --ros2 -o ros.mcap
+        info ros.mcap => pairs           3\\npaired topics   /stereo/left/image_rect, \
+        /stereo/right/image_rect\\n | images          320x240 px\\nfocal length    328.05 px, \
+        328.05 px\\nbaseline        0.0440 m\\n \
+        | nearest         v5, distance 0.1804 m, max disparity 80 px\\n \
+        | truth           /truth/depth, cells 45,
+        info mav0 --json => /first_pairs/geometry = raw | /first_pairs/truths = [] \
+        | /first_pairs/chain = [\"distinct\", \"rectify\", \"check\"] \
+        | /first_pairs/focal_px = [60.0, 57.0]
+        info mav0 => geometry        raw | focal length    60.00 px, 57.00 px
+        info empty => 1: empty",
     );
-    assert_eq!(own["size_px"], serde_json::json!([320, 240]));
-    let rig = |facts: &serde_json::Value, key: &str| facts["rig"][key].as_f64().unwrap();
-    assert!((rig(&own, "baseline_m") - 0.044).abs() < 1e-9);
+    let first = |name: &str| fixture.json(&format!("info {name} --json"))["first_pairs"].take();
+    let (own, ros) = (first("a.mcap"), first("ros.mcap"));
+    let expected = json!(["distinct", "check", "floor"]);
+    assert_eq!(
+        (&own["chain"], &own["size_px"]),
+        (&expected, &json!([320, 240]))
+    );
+    let rig = |facts: &Value, key: &str| facts["rig"][key].as_f64().unwrap();
+    for facts in [&own, &ros] {
+        assert!((rig(facts, "baseline_m") - 0.044).abs() < 1e-9);
+    }
     let nearest = &own["nearest"];
-    let depth = rig(&own, "focal_px") * 0.044 / nearest["max_disparity_px"].as_f64().unwrap();
+    let fb = rig(&own, "focal_px") * 0.044;
+    let depth = fb / nearest["max_disparity_px"].as_f64().unwrap();
     assert!((nearest["distance_m"].as_f64().unwrap() - depth).abs() < 1e-9);
     assert_eq!(nearest["algorithm"], "v5");
-    let truth = |topic: &str, is_asked_for: bool| {
-        serde_json::json!([{
-            "topic": topic, "is_asked_for": is_asked_for, "pairs": 3, "scored_pairs": 3,
+    let range = |unit: &str| {
+        let number = |key| own["truths"][0][unit][key].as_f64().unwrap();
+        let [min, median, max] = ["min", "median", "max"].map(number);
+        assert!(0.0 < min && min < median && median < max, "{own}");
+        [min, max]
+    };
+    // The nearest point has the greatest disparity.
+    let ([_, max_px], [min_m, _]) = (range("disparity_px"), range("distance_m"));
+    assert!((fb / max_px - min_m).abs() < 1e-6);
+    for (facts, is_asked_for) in [(&own, false), (&ros, true)] {
+        let truth = json!([{
+            "topic": "/truth/depth", "is_asked_for": is_asked_for, "pairs": 3, "scored_pairs": 3,
             "cells": 45, "scored_cells": 45, "impossible_pixels": 0,
             "disparity_px": own["truths"][0]["disparity_px"],
             "distance_m": own["truths"][0]["distance_m"], "error": null
-        }])
-    };
-    let truth_number = |unit: &str, key: &str| own["truths"][0][unit][key].as_f64().unwrap();
-    for unit in ["disparity_px", "distance_m"] {
-        let [min, median, max] = ["min", "median", "max"].map(|key| truth_number(unit, key));
-        assert!(
-            0.0 < min && min < median && median < max,
-            "{unit}: {min} {median} {max}"
-        );
+        }]);
+        assert_eq!(facts["truths"], truth);
     }
-    // The nearest point has the greatest disparity.
-    let fb = rig(&own, "focal_px") * 0.044;
-    assert!(
-        (fb / truth_number("disparity_px", "max") - truth_number("distance_m", "min")).abs() < 1e-6
-    );
-    assert_eq!(own["truths"], truth("/truth/depth", false));
-    let ros = first("ros.mcap");
-    assert_eq!(ros["truths"], truth("/truth/depth", true));
-    assert!((rig(&ros, "baseline_m") - 0.044).abs() < 1e-9);
-    let lines = [
-        "pairs           3\npaired topics   /stereo/left/image_rect, /stereo/right/image_rect\n",
-        "images          320x240 px\nfocal length    328.05 px, 328.05 px\n\
-         baseline        0.0440 m\n",
-        "nearest         v5, distance 0.1804 m, max disparity 80 px\n",
-        "truth           /truth/depth, cells 45, ",
-    ];
-    assert_says(&fixture.run("info ros.mcap"), &lines);
-
-    // Raw images of pixels that are not square, in a folder.
-    fixture.write_euroc("57.0");
-    let facts = first("mav0");
-    assert_eq!(facts["geometry"], "raw");
-    assert_eq!(
-        facts["chain"],
-        serde_json::json!(["distinct", "rectify", "check"])
-    );
-    assert_eq!(facts["focal_px"], serde_json::json!([60.0, 57.0]));
-    assert_eq!(facts["truths"], serde_json::json!([]));
-    let lines = ["geometry        raw", "focal length    60.00 px, 57.00 px"];
-    assert_says(&fixture.run("info mav0"), &lines);
-    fixture.write("empty/notes.txt", "");
-    fixture.fails("info empty => 1: empty");
 }
 
 #[test]
 fn the_first_line_says_if_svl_can_use_it() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("arena.toml", 3);
-    fixture.run("record arena.toml -o own.mcap");
-    fixture.run("record own.mcap --ros2 -o ros.mcap");
-    fixture.run("record board --frames 1 -o board.mcap");
+    fixture.record_short_arena("own.mcap", 3, 1);
+    fixture.record("board.mcap", "board --frames 1");
     fixture.write_euroc("57.0");
-    fixture.run("record mav0 --calib none -o raw.mcap");
     fixture.write_pair("plain/left/1.pgm", "plain/right/1.pgm", (64, 48), 3);
-    fixture.run("record plain -o plain.mcap");
+    fixture.transcript(
+        "record own.mcap --ros2 -o ros.mcap
+        record mav0 --calib none -o raw.mcap
+        record plain -o plain.mcap",
+    );
     let bytes = fixture.bytes("own.mcap");
     fixture.write("cut.mcap", &bytes[..bytes.len() * 9 / 10]);
     let pixels = [7; 64];
@@ -150,30 +121,19 @@ fn the_first_line_says_if_svl_can_use_it() {
     insta::assert_snapshot!(lines.join("\n"));
 
     // The user's word that they are rectified.
-    for name in [
-        "raw.mcap",
-        "bag.mcap --left /cam0/image --right /cam1/image",
-    ] {
-        let text = fixture.svl(&format!("info {name} --calib none")).stdout;
-        assert!(
-            text.starts_with("usable: ") && text.contains("rectified pair"),
-            "{text}"
-        );
-    }
+    fixture.transcript(
+        "info raw.mcap --calib none => ^usable:  | rectified pair
+        info bag.mcap --left /cam0/image --right /cam1/image --calib none => ^usable:  \
+        | rectified pair
+        info bag.mcap --json => /usability/is_usable = false \
+        | /usability/missing/0 has --left TOPIC",
+    );
     let usability = fixture.json("info mav0 --json")["usability"].take();
-    let expected = serde_json::json!({
+    let expected = json!({
         "is_usable": true, "pairs": 2, "geometry": "raw", "distortion_model": "plumb_bob",
         "is_calibrated": true, "truths": [], "missing": [], "doubts": []
     });
     assert_eq!(usability, expected);
-    let usability = fixture.json("info bag.mcap --json")["usability"].take();
-    assert_eq!(usability["is_usable"], false);
-    assert!(
-        usability["missing"][0]
-            .as_str()
-            .unwrap()
-            .contains("--left TOPIC")
-    );
 }
 
 #[test]
@@ -196,17 +156,15 @@ fn a_pipe_is_no_recording() {
 #[test]
 fn a_cut_recording_is_called_so() {
     let fixture = Fixture::new();
-    fixture.run("record --frames 4 -o a.mcap");
+    fixture.record("a.mcap", "--frames 4");
     let bytes = fixture.bytes("a.mcap");
     fixture.write("cut.mcap", &bytes[..bytes.len() * 9 / 10]);
-    let json = fixture.json("info cut.mcap --json");
-    assert!(json["damage"].is_string());
     fixture.write("empty.mcap", "");
-    let wrong = "
+    fixture.transcript(
+        "info cut.mcap --json => /damage != null
         info empty.mcap => 1: empty.mcap
-        info missing.mcap => 1: missing.mcap
-    ";
-    fixture.fails(wrong);
+        info missing.mcap => 1: missing.mcap",
+    );
 }
 
 #[test]
@@ -236,7 +194,7 @@ fn version_revision_and_profile_are_in_manifest_and_recording() {
     let in_git = crate::common::repository().join(".git").exists();
     assert_eq!(built.git_revision.is_some(), in_git);
     let fixture = Fixture::new();
-    fixture.run("record --frames 2 -o a.mcap");
+    fixture.record("a.mcap", "--frames 2");
     let text = fixture.run("score a.mcap --algo v3 -o report --rerun none");
     let times_are_slow = text.contains("built with the profile");
     assert_eq!(times_are_slow, svl::slow_profile(Some(profile)).is_some());
@@ -257,16 +215,15 @@ fn version_revision_and_profile_are_in_manifest_and_recording() {
 #[test]
 fn the_facts_of_scaled_pairs_are_theirs() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("arena.toml", 3);
-    fixture.run("record arena.toml -o a.mcap");
+    fixture.record_short_arena("a.mcap", 3, 1);
     let facts = |options: &str| {
         let name = format!("info a.mcap --json{options}");
         fixture.json(&name)["first_pairs"].take()
     };
     let (whole, half) = (facts(""), facts(" --scale 0.5"));
-    assert_eq!(half["size_px"], serde_json::json!([160, 120]));
+    assert_eq!(half["size_px"], json!([160, 120]));
     assert_eq!(half["rig"]["baseline_m"], whole["rig"]["baseline_m"]);
-    let focal_px = |facts: &serde_json::Value| facts["rig"]["focal_px"].as_f64().unwrap();
+    let focal_px = |facts: &Value| facts["rig"]["focal_px"].as_f64().unwrap();
     assert_eq!(2.0 * focal_px(&half), focal_px(&whole));
     assert_eq!(half["focal_px"][0], focal_px(&half));
 }

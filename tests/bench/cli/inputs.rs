@@ -99,7 +99,7 @@ fn every_file_that_is_opened_is_an_input() {
     let has_ffmpeg = has("ffmpeg", &["-version"]);
     if has_ffmpeg {
         let film = "-f lavfi -i testsrc=size=128x48:rate=25 -frames:v 9 -c:v mjpeg data/both.mkv";
-        ffmpeg(&fixture, &film.split(' ').collect::<Vec<_>>());
+        ffmpeg(&fixture, film);
     }
     let scenes = "name = \"s\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \"disparity\"\n\
                   tolerance_px = 2\n[source]\nkind = \"dataset\"\nscenes = [\"cones\"]\n";

@@ -3,9 +3,19 @@
 
 use super::fixture::{Fixture, assert_says};
 use super::results::unit_files;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
+
+/// Waits until `ready` as long as the program runs, however slow the machine is.
+#[track_caller]
+pub fn wait_until(child: &mut Child, ready: impl Fn() -> bool) {
+    while !ready() {
+        let ended = child.try_wait().unwrap();
+        assert!(ended.is_none() || ready(), "it ended before: {ended:?}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
 
 /// Starts `svl`, waits until `ready`, sends SIGINT and returns the exit code with what it printed
 /// to standard error.
@@ -35,12 +45,8 @@ fn interrupted_times(
     // Programs of the test come first.
     let path = std::env::var("PATH").unwrap_or_default();
     command.env("PATH", format!("{}:{path}", fixture.path("bin").display()));
-    let child = command.spawn().unwrap();
-    let began = Instant::now();
-    while !ready() {
-        assert!(began.elapsed() < Duration::from_secs(120), "it never began");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let mut child = command.spawn().unwrap();
+    wait_until(&mut child, ready);
     for _ in 0..times {
         let pid = child.id().to_string();
         let killed = Command::new("kill").args(["-INT", &pid]).status();

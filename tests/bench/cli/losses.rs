@@ -4,7 +4,6 @@
 use super::fixture::{Fixture, assert_says, pgm};
 use super::shard::snakemake;
 use crate::recording::bag::{self, Message, ros_image};
-use serde_json::Value;
 
 const SIZE: (usize, usize) = (24, 16);
 
@@ -50,29 +49,18 @@ const SCORE: &str = "--algo v3:max_disparity=8 --rerun none -q";
 fn cameras_that_start_and_stop_apart_lose_nothing() {
     let fixture = Fixture::new();
     write_bag(&fixture, "bag.mcap", 0..40, 9..52, 0);
-    let score = fixture.json(&format!("score bag.mcap {SCORE} --json"));
-    assert_eq!(score["state"], "complete");
-    assert_eq!(score["incomplete"], Value::Null);
-    let missing = &score["missing"];
-    assert_eq!(
-        ["pairs", "outside", "unpaired"].map(|key| missing[key].as_u64()),
-        [Some(31), Some(9 + 12), Some(0)]
-    );
-    let page = fixture.text("reports/bag/index.html");
-    assert_says(&page, &["21 images outside the overlap of both cameras"]);
     let told = "21 images outside the overlap of both cameras";
-    let ran = fixture.svl("replay bag.mcap --algo v3:max_disparity=8");
-    assert_says(&ran.stdout, &[told]);
-    assert!(!ran.stderr.contains("dropped"), "{}", ran.stderr);
-    ran.done();
-    let ran = fixture.svl("record bag.mcap -o own.mcap");
-    assert_says(&ran.stderr, &[told]);
-    ran.done();
+    // Recordings of svl have no such images any more.
+    fixture.transcript(&format!(
+        "score bag.mcap {SCORE} --json => /state = complete | /incomplete = null \
+        | /missing/pairs = 31 | /missing/outside = 21 | /missing/unpaired = 0
+        cat reports/bag/index.html => {told}
+        replay bag.mcap --algo v3:max_disparity=8 => {told} => 0~ !dropped
+        record bag.mcap -o own.mcap => 0~ {told}
+        score own.mcap {SCORE} --json => /missing/outside = 0"
+    ));
     let ran = fixture.svl("record bag.mcap -o quiet.mcap -q");
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
-    // Recordings of svl have no such images any more.
-    let own = fixture.json(&format!("score own.mcap {SCORE} --json"));
-    assert_eq!(own["missing"]["outside"], 0);
 }
 
 #[test]
@@ -80,11 +68,10 @@ fn perturbations_lose_no_image_again() {
     let fixture = Fixture::new();
     let rights = (0..12).filter(|i| ![4, 6].contains(i));
     write_bag(&fixture, "bag.mcap", 0..12, rights, 0);
-    let line = format!("score bag.mcap {SCORE} --stress noise --allow-loss 2 --json");
-    let score = fixture.json(&line);
-    let missing = &score["missing"];
-    assert_eq!([&missing["unpaired"], &missing["pairs"]], [2, 10]);
-    assert_eq!(score["state"], "complete");
+    fixture.transcript(&format!(
+        "score bag.mcap {SCORE} --stress noise --allow-loss 2 --json => /state = complete \
+        | /missing/unpaired = 2 | /missing/pairs = 10"
+    ));
 }
 
 /// A pair that cannot be read has both images: it is no reason for an unpaired one.
@@ -102,28 +89,19 @@ fn unreadable_pairs_hide_no_unpaired_images() {
     // The left image of pair 9 is missing.
     messages.remove(18);
     bag::write(&fixture.path(""), &messages);
-    let score = fixture.svl(&format!("score bag.mcap {SCORE} --json"));
-    assert_eq!(score.code, Some(4), "{}", score.stderr);
-    let missing = &score.json()["missing"];
-    assert_eq!(
-        ["pairs", "unreadable", "unpaired"].map(|key| missing[key].as_u64()),
-        [Some(17), Some(2), Some(1)]
-    );
-    let allowed = fixture.svl(&format!("score bag.mcap {SCORE} --allow-loss 2 -o two"));
-    assert_eq!(allowed.code, Some(4), "{}", allowed.stderr);
+    fixture.transcript(&format!(
+        "score bag.mcap {SCORE} --json => /missing/pairs = 17 | /missing/unreadable = 2 \
+        | /missing/unpaired = 1 => 4~
+        score bag.mcap {SCORE} --allow-loss 2 -o two => 4~"
+    ));
 }
 
 #[test]
 fn images_without_partners_outside_the_range_are_no_losses() {
     let fixture = Fixture::new();
     // Two right images of 0.50 and 0.53 s are lacking.
-    write_bag(
-        &fixture,
-        "bag.mcap",
-        0..60,
-        (0..60).filter(|i| ![15, 16].contains(i)),
-        0,
-    );
+    let rights = (0..60).filter(|i| ![15, 16].contains(i));
+    write_bag(&fixture, "bag.mcap", 0..60, rights, 0);
     for (range, lost) in [
         ("", 2),
         ("--from 0.4", 2),
@@ -133,33 +111,26 @@ fn images_without_partners_outside_the_range_are_no_losses() {
         ("--to 0.49", 0),
         ("--to 0.51", 1),
     ] {
-        let code = Some(if lost > 0 { 4 } else { 0 });
-        let score = fixture.svl(&format!("score bag.mcap {SCORE} --json {range} --force"));
-        assert_eq!(score.json()["missing"]["unpaired"], lost, "{range}");
-        let replay = format!("replay bag.mcap --algo v3:max_disparity=8 -q {range}");
-        let record = format!("record bag.mcap -o own.mcap --force {range}");
-        for ran in [score, fixture.svl(&replay), fixture.svl(&record)] {
-            assert_eq!(ran.code, code, "{range}: {}", ran.stderr);
-        }
+        let code = if lost > 0 { 4 } else { 0 };
+        fixture.transcript(&format!(
+            "score bag.mcap {SCORE} --json {range} --force => /missing/unpaired = {lost} => {code}~
+            replay bag.mcap --algo v3:max_disparity=8 -q {range} => {code}~
+            record bag.mcap -o own.mcap --force {range} => {code}~"
+        ));
     }
     let record = "record bag.mcap -o own.mcap --force";
-    fixture.run(&format!("{record} --duration 0.49"));
-    fixture.run(&format!("{record} --from 0.55 --duration 0.4"));
-    let ran = fixture.svl(&format!("{record} --duration 0.6"));
-    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
-    assert_says(&ran.stderr, &["2 images had no partner"]);
+    fixture.transcript(&format!(
+        "{record} --duration 0.49
+        {record} --from 0.55 --duration 0.4
+        {record} --duration 0.6 => 4~ 2 images had no partner"
+    ));
 }
 
 #[test]
 fn one_image_of_two_hundred_may_be_allowed() {
     let fixture = Fixture::new();
-    write_bag(
-        &fixture,
-        "bag.mcap",
-        0..200,
-        (0..200).filter(|i| *i != 77),
-        0,
-    );
+    let rights = (0..200).filter(|i| *i != 77);
+    write_bag(&fixture, "bag.mcap", 0..200, rights, 0);
     // One of 200 pairs read is 0.5 %.
     for (allowed, code) in [
         ("", 4),
@@ -170,24 +141,20 @@ fn one_image_of_two_hundred_may_be_allowed() {
         // Per cent of all pairs read, not of those selected.
         ("--allow-loss 0.5% --every 20", 0),
     ] {
-        let score = format!("score bag.mcap {SCORE} --json {allowed}");
-        let replay = "replay bag.mcap --algo v3:max_disparity=8 -q --json";
-        for line in [score, format!("{replay} {allowed}")] {
-            let ran = fixture.svl(&line);
-            assert_eq!(ran.code, Some(code), "{line}: {}", ran.stderr);
-            let answer = ran.json();
-            assert_eq!(answer["missing"]["unpaired"], 1);
-            let state = if code == 0 { "complete" } else { "lossy" };
-            assert_eq!(answer["state"], state);
-            assert_eq!(answer["incomplete"].is_null(), code == 0);
-        }
-        let ran = fixture.svl(&format!("record bag.mcap -o own.mcap --force {allowed}"));
-        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
+        let answer = match code {
+            0 => "/missing/unpaired = 1 | /state = complete | /incomplete = null",
+            _ => "/missing/unpaired = 1 | /state = lossy | /incomplete != null",
+        };
+        fixture.transcript(&format!(
+            "score bag.mcap {SCORE} --json {allowed} => {answer} => {code}~
+            replay bag.mcap --algo v3:max_disparity=8 -q --json {allowed} => {answer} => {code}~
+            record bag.mcap -o own.mcap --force {allowed} => {code}~"
+        ));
     }
-    let ran = fixture.svl("replay bag.mcap --algo v3:max_disparity=8 --allow-loss 1%");
-    assert_says(&ran.stdout, &["not scored: 1 image had no partner"]);
-    fixture.fails(
+    fixture.transcript(
         "
+        replay bag.mcap --algo v3:max_disparity=8 --allow-loss 1% \
+        => not scored: 1 image had no partner
         score bag.mcap --allow-loss -1 => 2: --allow-loss | per cent as 1%
         replay bag.mcap --allow-loss 101% => 2: --allow-loss | per cent as 1%
         calibrate check bag.mcap --allow-loss 1 => 2: --allow-loss
@@ -200,30 +167,33 @@ fn one_image_of_two_hundred_may_be_allowed() {
 fn a_scenario_allows_losses_and_its_description_says_so() {
     let fixture = Fixture::new();
     write_bag(&fixture, "bag.mcap", 0..20, (0..20).filter(|i| *i != 7), 0);
-    let scenario = |limit: &str| {
-        format!(
-            "name = \"s\"\nalgorithms = [\"v3:max_disparity=8\"]\n[source]\nkind = \
-             \"recording\"\nfiles = [\"bag.mcap\"]\nallow_loss = {limit}\n"
+    let write_scenario = |limit: &str| {
+        fixture.write(
+            "s.toml",
+            format!(
+                "name = \"s\"\nalgorithms = [\"v3:max_disparity=8\"]\n[source]\nkind = \
+                 \"recording\"\nfiles = [\"bag.mcap\"]\nallow_loss = {limit}\n"
+            ),
         )
     };
     for (limit, code) in [("1", 0), ("\"5%\"", 0), ("0", 4), ("\"4.9%\"", 4)] {
-        fixture.write("s.toml", scenario(limit));
-        let ran = fixture.svl("score s.toml -q --rerun none");
-        assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
-        let printed = fixture.run("score s.toml --print-scenario");
-        assert_says(&printed, &["allow_loss = "]);
-        let manifest = fixture.json_file("reports/s/manifest.json");
-        let kept = manifest["description"]["source"]["allow_loss"].to_string();
-        assert_eq!(kept, limit);
+        write_scenario(limit);
+        fixture.transcript(&format!(
+            "score s.toml -q --rerun none => {code}~
+            score s.toml --print-scenario => allow_loss =
+            cat reports/s/manifest.json => /description/source/allow_loss = {limit}"
+        ));
     }
     // An option replaces the key.
     fixture.run("score s.toml -q --rerun none --allow-loss 5%");
-    fixture.write("s.toml", scenario("\"much\""));
+    write_scenario("\"much\"");
     fixture.fails("score s.toml => 1: s.toml | per cent as 1%");
     // Reports with other limits can be compared.
-    fixture.write("s.toml", scenario("1"));
-    fixture.run("score s.toml -q --rerun none -o other");
-    fixture.run("compare reports/s other --fail-on worse");
+    write_scenario("1");
+    fixture.transcript(
+        "score s.toml -q --rerun none -o other
+        compare reports/s other --fail-on worse",
+    );
 }
 
 /// Answers pairs of 40x20 pixels with zeros, except those whose first pixel is 7, with an error.
@@ -267,43 +237,31 @@ fn with_a_bad_pair() -> Fixture {
 fn shards_that_miss_something_are_merged() {
     let fixture = with_a_bad_pair();
     let line = "score two.toml --rerun none -q";
-    let whole = fixture.svl(&format!("{line} -o whole --json"));
-    assert_eq!(whole.code, Some(4), "{}", whole.stderr);
-    let whole = whole.json();
-    let failed = &whole["missing"]["algorithms"]["m"];
-    assert_eq!(
-        (&failed["pairs"], &failed["failed"]),
-        (&6.into(), &1.into())
-    );
-    let shard = |i: u8, more: &str| {
-        let ran = fixture.svl(&format!("{line} --shard {i}/2 -o p{i} {more}"));
-        assert!(ran.code.is_some(), "{}", ran.stderr);
-        ran.code
-    };
-    assert_eq!((shard(1, ""), shard(2, "")), (Some(0), Some(0)));
-    let merged = fixture.svl("report p1 p2 -o all -q --json");
-    assert_eq!(merged.code, Some(4), "{}", merged.stderr);
-    assert_says(&merged.stderr, &["m failed on 1 of 6 pairs"]);
-    let merged = merged.json();
+    // One of six is 17 %.
+    let failed = "m failed on 1 of 6 pairs";
+    fixture.transcript(&format!(
+        "{line} -o whole --json => /missing/algorithms/m/pairs = 6 \
+        | /missing/algorithms/m/failed = 1 => 4~
+        {line} --shard 1/2 -o p1
+        {line} --shard 2/2 -o p2
+        report p1 p2 -o all -q --json => /state = lossy => 4~ {failed}
+        cat all/summary.md => {failed}"
+    ));
+    let [whole, merged] =
+        ["whole", "all"].map(|report| fixture.json_file(&format!("{report}/summary.json")));
     for key in ["missing", "state", "incomplete", "pairs_hash"] {
         assert_eq!(merged[key], whole[key], "{key}");
     }
-    assert_eq!(merged["state"], "lossy");
-    assert_says(
-        &fixture.text("all/summary.md"),
-        &["m failed on 1 of 6 pairs"],
-    );
-    // One of six is 17 %.
-    let allowed = |limit: &str| {
-        let ran = fixture.svl(&format!("report p1 p2 -o all -q --allow-loss {limit}"));
-        (
-            ran.code,
-            fixture.json_file("all/summary.json")["state"].clone(),
-        )
-    };
-    assert_eq!(allowed("17%"), (Some(0), "complete".into()));
-    assert_eq!(allowed("16%"), (Some(4), "lossy".into()));
-    assert_eq!(allowed("1"), (Some(0), "complete".into()));
+    for (limit, code, state) in [
+        ("17%", 0, "complete"),
+        ("16%", 4, "lossy"),
+        ("1", 0, "complete"),
+    ] {
+        fixture.transcript(&format!(
+            "report p1 p2 -o all -q --allow-loss {limit} => {code}~
+            cat all/summary.json => /state = {state}"
+        ));
+    }
 }
 
 #[test]
@@ -339,20 +297,21 @@ fn missing_pairs_are_a_test_of_junits_xml() {
         let limit = "[[gate]]\nalgorithm = \"v3:max_disparity=8\"\nmetric = \"coverage\"\n";
         fixture.write("two.toml", format!("{text}{limit}min = {min}\n"))
     };
-    gated("0.01");
-    let line = "score two.toml --rerun none -q --gate --junit j.xml";
     // The name of a test has no values, so that it is the same test in every run.
-    let says = |counts: &str, inside: &str| {
-        let test = format!("name=\"v3:max_disparity=8: coverage, at least the limit\">{inside}");
-        assert_says(&fixture.text("j.xml"), &[counts, &test]);
-    };
-    assert_eq!(fixture.svl(line).code, Some(4));
-    says("tests=\"2\" failures=\"1\"", "<system-out>");
-    fixture.run(&format!("{line} --allow-loss 20%"));
-    says("tests=\"2\" failures=\"0\"", "<system-out>");
+    let line = "score two.toml --rerun none -q --gate --junit j.xml";
+    let test = "name=\"v3:max_disparity=8: coverage, at least the limit\">";
+    gated("0.01");
+    fixture.transcript(&format!(
+        "{line} => 4~
+        cat j.xml => tests=\"2\" failures=\"1\" | {test}<system-out>
+        {line} --allow-loss 20%
+        cat j.xml => tests=\"2\" failures=\"0\" | {test}<system-out>"
+    ));
     // A broken limit takes precedence over losses.
     gated("1.0");
-    assert_eq!(fixture.svl(line).code, Some(3));
-    let failure = "<failure message=\"v3:max_disparity=8: coverage ";
-    says("tests=\"2\" failures=\"2\"", failure);
+    fixture.transcript(&format!(
+        "{line} => 3~
+        cat j.xml => tests=\"2\" failures=\"2\" \
+        | {test}<failure message=\"v3:max_disparity=8: coverage"
+    ));
 }

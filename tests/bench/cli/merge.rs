@@ -1,9 +1,8 @@
 //! `svl report -o`: parts that do not belong together, and the contents that are not joined.
 #![cfg(unix)]
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::Fixture;
 use super::results::{edit_checked, unit_files};
-use serde_json::Value;
 
 /// Answers every pair of 40x20 pixels with zeros, but refuses the third.
 const REFUSES: &str = r#"
@@ -79,40 +78,28 @@ fn broken_files_of_a_part_are_named_with_the_cure() {
 fn parts_of_another_program_are_refused() {
     let fixture = pairs();
     fixture.write("refuses.sh", REFUSES);
-    let score = |part: &str, limit: &str| {
-        let line = format!(
-            "score pairs --stress noise=8 -q --rerun none --shard {part}/2 --allow-loss {limit} \
-             -o p{part} --algo"
-        );
-        let line: Vec<_> = line
-            .split(' ')
-            .chain(["some=exec:command=sh refuses.sh"])
-            .collect();
-        fixture.svl(&line).code
-    };
     // A quarter of the pairs fails: the limit is that of the whole.
-    for part in ["1", "2"] {
-        assert_eq!(score(part, "30%"), Some(0));
+    for part in [1, 2] {
+        fixture.run(&format!(
+            "score pairs --stress noise=8 -q --rerun none --shard {part}/2 --allow-loss 30% \
+             -o p{part} --algo 'some=exec:command=sh refuses.sh'"
+        ));
     }
-    for (limit, code) in [("", 0), ("--allow-loss 10%", 4)] {
-        let ran = fixture.svl(&format!("report p1 p2 -o all -q {limit}"));
-        assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
-        let unknown = "some: its program reports no version and no model";
-        let manifest = fixture.text("all/manifest.json");
-        assert_eq!(manifest.matches(unknown).count(), 1, "{manifest}");
-        let summary = fixture.json_file("all/summary.json");
-        let state = if code == 4 { "lossy" } else { "complete" };
-        assert_eq!(summary["state"], state, "{limit}");
+    let unknown = "some: its program reports no version and no model";
+    for (limit, code, state) in [("", 0, "complete"), ("--allow-loss 10%", 4, "lossy")] {
+        fixture.transcript(&format!(
+            "report p1 p2 -o all -q {limit} => {code}~
+            cat all/manifest.json => 1x {unknown}
+            cat all/summary.json => /state = {state}"
+        ));
     }
-    let program = |version: &str| {
+    for version in ["1", "2"] {
         edit_checked(&fixture, &session(&fixture, version), |session| {
             let program = &mut session["manifest"]["algorithms"][0]["program"];
             program["name"] = "net".into();
             program["version"] = version.into();
         });
-    };
-    program("1");
-    program("2");
+    }
     fixture
         .fails("report p1 p2 -o all => 1: p2: is not of the same run as p1: some: net 1 and net 2");
 }
@@ -125,22 +112,22 @@ fn a_merged_report_names_its_machines() {
     edit_checked(&fixture, &session(&fixture, "2"), |session| {
         session["manifest"]["machine"]["processor"] = "another".into();
     });
-    fixture.run("report p1 p2 p3 -o all -q");
-    let hash = |report: &str| {
-        let text = fixture.text(&format!("{report}/summary.json"));
-        let summary: Value = serde_json::from_str(&text).unwrap();
+    fixture.transcript(
+        "report p1 p2 p3 -o all -q
+        cat all/index.html => another",
+    );
+    let [all, whole] = ["all", "whole"].map(|report| {
+        let summary = fixture.json_file(&format!("{report}/summary.json"));
         summary["algorithms"][0]["results_hash"].clone()
-    };
-    assert_eq!(hash("all"), hash("whole"));
+    });
+    assert_eq!(all, whole);
     let manifest = fixture.json_file("all/manifest.json");
-    let sessions = manifest["sessions"].as_array().unwrap();
-    let machines = sessions
-        .iter()
-        .map(|session| session["machine"]["processor"] == "another");
-    assert_eq!(machines.filter(|is_another| *is_another).count(), 1);
-    assert_says(&fixture.text("all/index.html"), &["another"]);
+    let sessions = manifest["sessions"].as_array().unwrap().iter();
+    let others = sessions.filter(|session| session["machine"]["processor"] == "another");
+    assert_eq!(others.count(), 1);
     // The times of a report are those of its machines: none is compared.
-    let compared = fixture.json("compare whole all --json");
-    let metrics = compared[0]["algorithms"][0]["metrics"].as_array().unwrap();
-    assert!(!metrics.is_empty() && metrics.iter().all(|change| change["metric"] != "time"));
+    fixture.transcript(
+        "compare whole all --json => /0/algorithms/0/metrics/# > 0 \
+        | /0/algorithms/0/metrics/*/metric != time",
+    );
 }

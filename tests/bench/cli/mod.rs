@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand.
 
 pub(crate) mod fixture;
+pub(crate) mod transcript;
 
 pub(crate) mod adapters;
 mod algos;

@@ -1,6 +1,6 @@
 //! The references, which look at no image: rows below the table, by which the best is tested.
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::Fixture;
 use std::collections::BTreeMap;
 use svl::arena::Arena;
 use svl::scenario::{Scenario, ScenarioSource};
@@ -88,47 +88,44 @@ fn the_prior_is_the_median_of_the_other_runs_also_of_shards() {
     let fixture = Fixture::new();
     let path = fixture.write_recorded_arena("short.toml", FRAMES);
     let scenario = Scenario::read(&path).unwrap();
+    // It can be compared with, and limits can be relative to it. Two runs of twelve pairs are too
+    // few to tell an algorithm from the prior.
     let line = "score short.toml --algo v3 --algo v5 --rerun none";
-    let screen = fixture.run(&format!("{line} -o whole"));
-    assert_says(&screen, &["prior", "obstacle cells, %"]);
-    let summary = fixture.json_file("whole/summary.json");
-    assert_eq!(stored(reference(&summary, "prior")), counted(&scenario));
+    fixture.transcript(&format!(
+        "{line} -o whole => prior | obstacle cells, % | too few pairs
+        cat whole/summary.json => /best absent
+        {line} -q --shard 1/2 -o part-1
+        {line} -q --shard 2/2 -o part-2
+        report part-2 part-1 -o merged -q
+        compare whole#prior whole#v3 => right cells | prior → v3 \
+        | errors of distances: whole#prior has none"
+    ));
+    let [summary, merged] =
+        ["whole", "merged"].map(|report| fixture.json_file(&format!("{report}/summary.json")));
+    let counted = counted(&scenario);
+    assert_eq!(stored(reference(&summary, "prior")), counted);
     // All scored cells of the exact distances are right.
     let [obstacle, floor, beyond, near] = stored(reference(&summary, "exact"));
-    let sums = counted(&scenario).map(|own| own.iter().sum::<usize>());
+    let sums = counted.map(|own| own.iter().sum::<usize>());
     for (own, sum) in [obstacle, floor, beyond].iter().zip(sums) {
         assert_eq!(*own, [sum, 0, 0]);
     }
     assert!(near[1] + near[2] == near[0]);
-    assert_eq!(
-        fixture.text("whole/references.csv").lines().count() as u64,
-        4 * FRAMES + 1
-    );
-    for i in [1, 2] {
-        fixture.run(&format!("{line} -q --shard {i}/2 -o part-{i}"));
-    }
-    fixture.run("report part-2 part-1 -o merged -q");
-    let merged = fixture.json_file("merged/summary.json");
+    let lines = fixture.text("whole/references.csv").lines().count() as u64;
+    assert_eq!(lines, 4 * FRAMES + 1);
     assert_eq!(merged["references"], summary["references"]);
-    // It can be compared with, and limits can be relative to it.
-    let compared = fixture.run("compare whole#prior whole#v3");
-    let reason = "errors of distances: whole#prior has none";
-    assert_says(&compared, &["right cells", "prior → v3", reason]);
-    // Two runs of twelve pairs are too few to tell an algorithm from the prior.
-    assert!(summary["best"].is_null());
-    assert_says(&screen, &["too few pairs"]);
     let text = fixture.text("short.toml");
-    let gate =
-        "\n[[gate]]\nalgorithm = \"v3\"\nmetric = \"right\"\nrelative_to = \"prior\"\nmin = ";
-    for (min, code) in [("-0.5", 0), ("0.99", 3)] {
-        let own = text.split("[[gate]]").next().unwrap();
-        fixture.write("gate.toml", format!("{own}{gate}{min}\n"));
-        let ran = fixture.svl("score gate.toml --algo v3 --rerun none --gate -o whole-gate");
-        let words = &["v3: right cells minus the prior's"];
-        match code {
-            0 => assert_says(&ran.done(), words),
-            code => drop(ran.failed(code, words)),
-        }
+    let text = text.split("[[gate]]").next().unwrap();
+    for (min, code) in [("-0.5", ""), ("0.99", "3: ")] {
+        let gate = format!(
+            "\n[[gate]]\nalgorithm = \"v3\"\nmetric = \"right\"\nrelative_to = \"prior\"\n\
+             min = {min}\n"
+        );
+        fixture.write("gate.toml", format!("{text}{gate}"));
+        let line = "score gate.toml --algo v3 --rerun none --gate -o whole-gate";
+        fixture.transcript(&format!(
+            "{line} => {code}v3: right cells minus the prior's"
+        ));
     }
 }
 

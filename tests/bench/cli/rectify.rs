@@ -1,11 +1,12 @@
 //! `--calib` of `svl record` and `svl replay`, and `svl calibrate check`.
 
-use super::fixture::{Fixture, assert_says, datasets, pgm};
+use super::fixture::{Fixture, datasets, pgm};
+use super::transcript::assert_words;
 use nalgebra::Isometry3;
 use svl::calibrate::files;
 use svl::recording::{CALIBRATION, Recording};
 use svl::source::{RecordingSource, Source};
-use svl::stereo::{Intrinsics, LengthUnit, StereoCalibration};
+use svl::stereo::{Frame, Intrinsics, LengthUnit, StereoCalibration};
 
 const SIZE: (usize, usize) = (320, 240);
 /// Vertical misalignment: the right camera points higher, and sees things this much lower.
@@ -47,20 +48,17 @@ fn raw_pairs(fixture: &Fixture, pairs: usize) {
 fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 3);
-    fixture.run("record raw -o raw.mcap");
-    fixture.run("record raw.mcap --calib rig.yml -o rectified.mcap");
-    let frame = RecordingSource::open(fixture.path("rectified.mcap"))
-        .unwrap()
-        .next()
-        .unwrap()
-        .unwrap();
+    fixture.transcript(
+        "record raw -o raw.mcap
+        record raw.mcap --calib rig.yml -o rectified.mcap
+        info rectified.mcap => geometry        rectified\\n | calibration     rig.yml\\n",
+    );
+    let frame = first(&fixture, "rectified.mcap");
     let rig = frame.rig().unwrap();
     assert_eq!((rig.baseline_m(), rig.doffs_px()), (0.1, 0.0));
     // Half of 6 rows is lost at the top and the bottom: the focal length grows accordingly.
-    assert!(
-        (rig.focal_px() - 300.0 * 239.0 / 233.0).abs() < 0.1,
-        "{rig:?}"
-    );
+    let off = rig.focal_px() - 300.0 * 239.0 / 233.0;
+    assert!(off.abs() < 0.1, "{rig:?}");
 
     let open = |file: &str| Recording::open(fixture.path(file)).unwrap();
     let header = open("rectified.mcap").header().unwrap();
@@ -70,87 +68,66 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
         open(file).attachment(&name).unwrap().unwrap()
     };
     assert_eq!(attached("rectified.mcap"), fixture.bytes("rig.yml"));
-    let info = fixture.run("info rectified.mcap");
-    assert_says(
-        &info,
-        &["geometry        rectified\n", "calibration     rig.yml\n"],
-    );
 
-    let rows = |args: &[&str], rows: &str| {
-        let common = ["--algo", "v3", "--algo", "bm", "--rows", rows];
-        let ran = fixture.svl(&[&["replay"], args, &common].concat());
-        let warned = ran.stderr.clone();
+    let rows = |args: &str, warnings: &str| {
+        let ran = fixture.svl(&format!(
+            "replay {args} --algo v3 --algo bm --rows rows.csv --force"
+        ));
+        match warnings {
+            "" => assert_eq!(ran.stderr, ""),
+            words => assert_words(&ran.stderr, words),
+        }
         ran.done();
-        let table = fixture.text(rows);
-        let hashes = |name: &str| {
-            let at = table
-                .lines()
-                .next()
-                .unwrap()
-                .split(',')
-                .position(|column| column == name)
-                .unwrap();
-            table
-                .lines()
-                .skip(1)
-                .map(|row| row.split(',').nth(at).unwrap().to_owned())
-                .collect::<Vec<_>>()
-        };
-        ((hashes("pair_hash"), hashes("result_hash")), warned)
+        ["pair_hash", "result_hash"].map(|name| fixture.column("rows.csv", name))
     };
-    let (recorded, warned) = rows(&["rectified.mcap", "-o", "result.mcap"], "recorded.csv");
-    assert_eq!(warned, "");
+    let recorded = rows("rectified.mcap -o result.mcap", "");
+    let travelled = attached("result.mcap");
     assert_eq!(
-        attached("result.mcap"),
+        travelled,
         attached("rectified.mcap"),
         "the calibration travels on"
     );
-    let (replayed, warned) = rows(&["raw.mcap", "--calib", "rig.yml"], "replayed.csv");
-    assert_eq!(warned, "");
-    assert_eq!((recorded.0.len(), &recorded), (6, &replayed));
-    let (raw, warned) = rows(&["raw.mcap"], "raw.csv");
+    let replayed = rows("raw.mcap --calib rig.yml", "");
+    assert_eq!((recorded[0].len(), &recorded), (6, &replayed));
+    let raw = rows("raw.mcap", "vertical misalignment of 6.0 px | --calib");
     assert_ne!(raw, replayed);
-    assert_says(&warned, &["vertical misalignment of 6.0 px", "--calib"]);
+}
+
+/// The first pair of a recording.
+fn first(fixture: &Fixture, name: &str) -> Frame {
+    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
+    source.next().unwrap().unwrap()
 }
 
 #[test]
 fn the_row_offset_is_measured() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 2);
-    let ran = fixture.svl("calibrate check raw");
-    assert_eq!(ran.code, Some(1));
-    assert_says(&ran.stdout, &["right is lower  6.00 px", "shift"]);
-    assert!(
-        ran.stderr
-            .starts_with("error: raw: vertical misalignment of 6.0 px"),
-        "{}",
-        ran.stderr
-    );
-    let good = fixture.json("calibrate check raw --calib rig.yml --json");
-    assert!(
-        good["median_abs_px"].as_f64().unwrap() < 0.1 && good["pairs"] == 2,
-        "{good}"
-    );
-    assert_eq!(good["parts_px"].as_array().unwrap().len(), 3);
     let flat = pgm(SIZE.0, SIZE.1, &[90; SIZE.0 * SIZE.1]);
     fixture.write("flat/left/1.pgm", &flat);
     fixture.write("flat/right/1.pgm", &flat);
-    fixture.fails("calibrate check flat => 1: too few points | (0)");
+    fixture.transcript(
+        "calibrate check raw => right is lower  6.00 px | shift \
+        => 1~ ^error: raw: vertical misalignment of 6.0 px
+        calibrate check raw --calib rig.yml --json => /median_abs_px < 0.1 | /pairs = 2 \
+        | /parts_px/# = 3
+        calibrate check flat => 1: too few points | (0)",
+    );
 }
 
 #[test]
 fn images_that_cannot_be_rectified_are_refused_with_the_cure() {
     let fixture = Fixture::new();
     raw_pairs(&fixture, 1);
-    fixture.run("record raw --calib rig.yml --alpha 0.5 -o once.mcap");
-    let twice = fixture.svl("record once.mcap --calib rig.yml -o twice.mcap");
-    twice.failed(1, &["once.mcap", "omit --calib"]);
-    assert!(!fixture.path("twice.mcap").exists());
-    fixture.fails("replay once.mcap --calib no.yml => 1: no.yml | no such file");
     fixture.write("small/left/1.pgm", pgm(20, 10, &[0; 200]));
     fixture.write("small/right/1.pgm", pgm(20, 10, &[0; 200]));
-    let small = fixture.svl("record small --calib rig.yml -o a.mcap");
-    small.failed(1, &["20x10", "320x240"]);
+    fixture.transcript(
+        "record raw --calib rig.yml --alpha 0.5 -o once.mcap
+        record once.mcap --calib rig.yml -o twice.mcap => 1: once.mcap | omit --calib
+        test ! -e twice.mcap
+        replay once.mcap --calib no.yml => 1: no.yml | no such file
+        record small --calib rig.yml -o a.mcap => 1: 20x10 | 320x240",
+    );
 }
 
 #[test]
@@ -161,46 +138,24 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
     let fixture = Fixture::new();
     for bag in ["euroc_4frames_ros2.mcap", "euroc_4frames_foxglove_png.mcap"] {
         let bag = folder.join(bag).display().to_string();
-        let ran = fixture.svl(&["record", &bag, "--force", "-o", "rectified.mcap"]);
-        assert_says(&ran.stderr, &["rectified by its own calibration"]);
-        ran.done();
-        let good = fixture.json("calibrate check rectified.mcap --json");
-        assert!(good["median_abs_px"].as_f64().unwrap() < 0.15, "{good}");
-        let frame = RecordingSource::open(fixture.path("rectified.mcap"))
-            .unwrap()
-            .next()
-            .unwrap()
-            .unwrap();
-        assert!((frame.rig().unwrap().baseline_m() - 0.11008).abs() < 1e-4);
-        let raw = fixture.svl(&["replay", &bag, "--calib", "none"]);
-        assert_says(&raw.stderr, &["not rectified", "vertical misalignment"]);
-        raw.done();
-
         // A raw recording keeps its calibration for rectification, and so does a copy.
-        fixture.run(&[
-            "record", &bag, "--force", "--calib", "raw", "-o", "raw.mcap",
-        ]);
-        fixture.run("record raw.mcap --force -o copy.mcap");
-        let info = fixture.run("info copy.mcap");
-        assert!(
-            info.contains("calibration/left.yaml,") && info.contains("geometry        raw\n"),
-            "{info}"
+        fixture.transcript(&format!(
+            "record {bag} --force -o rectified.mcap => 0~ rectified by its own calibration
+            calibrate check rectified.mcap --json => /median_abs_px < 0.15
+            replay {bag} --calib none => 0~ not rectified | vertical misalignment
+            record {bag} --force --calib raw -o raw.mcap
+            record raw.mcap --force -o copy.mcap
+            info copy.mcap => calibration/left.yaml, | geometry        raw\\n
+            record copy.mcap --calib copy.mcap --force -o later.mcap"
+        ));
+        let [rectified, later] =
+            ["rectified", "later"].map(|name| first(&fixture, &format!("{name}.mcap")));
+        assert!((rectified.rig().unwrap().baseline_m() - 0.11008).abs() < 1e-4);
+        assert!(later.pair == rectified.pair, "to the bit");
+        assert_eq!(later.geometry, rectified.geometry);
+        fixture.fails(
+            "record copy.mcap --calib rectified.mcap --force -o later.mcap \
+            => 1: rectified.mcap: keeps no calibration",
         );
-        let by_itself = "record copy.mcap --calib copy.mcap --force -o later.mcap";
-        fixture.run(by_itself);
-        let pair = |name: &str| {
-            RecordingSource::open(fixture.path(name))
-                .unwrap()
-                .next()
-                .unwrap()
-                .unwrap()
-        };
-        assert!(
-            pair("later.mcap").pair == pair("rectified.mcap").pair,
-            "to the bit"
-        );
-        assert_eq!(pair("later.mcap").geometry, pair("rectified.mcap").geometry);
-        let without = fixture.svl("record copy.mcap --calib rectified.mcap --force -o later.mcap");
-        without.failed(1, &["rectified.mcap: keeps no calibration"]);
     }
 }

@@ -1,12 +1,12 @@
 //! `svl score --shard` and `svl report -o`: workflows, and parts that do not make a whole.
 
 use super::fixture::{Fixture, assert_says};
+use super::interrupt::wait_until;
 use super::results::{
     assert_same_report, change_all, change_map, change_pixels, unit_files, write_pairs,
 };
 use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 /// The command that runs the workflow with these values of `--config`; `None` without Snakemake.
 fn workflow(fixture: &Fixture, config: &[&str]) -> Option<Command> {
@@ -53,11 +53,8 @@ impl Workflow<'_> {
         let command = command.stdout(Stdio::null()).stderr(Stdio::null());
         let mut killed = command.process_group(0).spawn().unwrap();
         let folder = format!("s s/{}/{folder}", self.scenario);
-        let began = Instant::now();
-        while unit_files(self.fixture, &folder, ".unit").is_empty() {
-            assert!(began.elapsed() < Duration::from_secs(120), "it never began");
-            std::thread::sleep(Duration::from_millis(2));
-        }
+        let has_units = || !unit_files(self.fixture, &folder, ".unit").is_empty();
+        wait_until(&mut killed, has_units);
         let group = format!("-{}", killed.id());
         let kill = Command::new("kill").args(["-KILL", "--", &group]).status();
         assert!(kill.unwrap().success());
@@ -132,28 +129,23 @@ fn a_workflow_without_a_scenario_says_so() {
         let Some(ran) = snakemake(&fixture, &[config]) else {
             return;
         };
-        let errors = String::from_utf8_lossy(&ran.stderr);
-        assert_says(
-            &errors,
-            &[&format!("{name}: no such scenario; name a file")],
-        );
+        let words = format!("{name}: no such scenario; name a file");
+        assert_says(&String::from_utf8_lossy(&ran.stderr), &[&words]);
     }
 }
 
 #[test]
 fn parts_that_do_not_make_a_whole_are_refused() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 4);
-    let line = "score short.toml --algo v3 --algo bm -q --rerun none";
-    for i in 1..=2 {
-        fixture.run(&format!("{line} --shard {i}/2 -o p{i}"));
-    }
-    fixture.run(&format!("{line} --algo v1 --shard 2/2 -o other"));
-    fixture.run(&format!("{line} --seeds 1 --shard 2/2 -o seeds"));
-    fixture.run(&format!("{line} -o whole"));
-    std::fs::create_dir(fixture.path("empty")).unwrap();
-    fixture.fails(
-        "
+    fixture.write_recorded_arena("short.toml", 4);
+    let line = "score short.toml --algo v3 --algo bm --rerun none";
+    fixture.transcript(&format!(
+        "mkdir empty
+        {line} -q --shard 1/2 -o p1
+        {line} -q --shard 2/2 -o p2
+        {line} -q --algo v1 --shard 2/2 -o other
+        {line} -q --seeds 1 --shard 2/2 -o seeds
+        {line} -q -o whole
         report p1 p2 -o p1 => 2: -o p1: is in the part p1
         report p1 p2 -o p1/all/new => 2: -o p1/all/new: is in the part p1
         report p1 p2 -o ok --figures p2/fig => 2: --figures p2/fig: is in the part p2
@@ -165,25 +157,21 @@ fn parts_that_do_not_make_a_whole_are_refused() {
         report p1 empty -o all => 1: empty: is not a report
         report p1 p2 => 2: -o FOLDER
         score short.toml --shard 3/2 -o x => 2: I from 1 to N
-        score short.toml --shard 1/2 => 2: -o
-        ",
-    );
-    // Edited, of the same size.
+        score short.toml --shard 1/2 => 2: -o"
+    ));
+    // Edited, of the same size; the state after an interrupted copy.
     let units = unit_files(&fixture, "p2", ".unit");
-    let unit = &units[0];
-    let whole = fixture.text(unit);
-    fixture.write(unit, whole.replace("right", "wrong"));
-    fixture.fails("report p1 p2 -o all => 1: .unit: was changed after it was written");
-    // The state after an interrupted copy.
+    let whole = fixture.text(&units[0]);
     let kept: Vec<_> = whole.lines().take(20).collect();
-    fixture.write(unit, kept.join("\n") + "\n");
-    fixture.fails("report p1 p2 -o all => 1: .unit: was changed after it was written");
-    // The same command matches again what is damaged.
-    let ran = fixture.svl(&format!("{line} --shard 2/2 -o p2").replace("-q ", ""));
-    assert_eq!(ran.code, Some(0));
-    assert_says(&ran.stderr, &[".unit: was cut or edited"]);
-    fixture.run("report p1 p2 -o all -q");
+    for damaged in [whole.replace("right", "wrong"), kept.join("\n") + "\n"] {
+        fixture.write(&units[0], damaged);
+        fixture.fails("report p1 p2 -o all => 1: .unit: was changed after it was written");
+    }
+    // The same command matches again what is damaged. The page escapes the slash.
+    fixture.transcript(&format!(
+        "{line} --shard 2/2 -o p2 => 0~ .unit: was cut or edited
+        report p1 p2 -o all -q
+        cat all/index.html => threads, shard 2"
+    ));
     assert_same_report(&fixture, ["all", "whole"], "damaged and matched again");
-    // The page escapes the slash.
-    assert_says(&fixture.text("all/index.html"), &["threads, shard 2"]);
 }

@@ -1,6 +1,7 @@
 //! `svl train`.
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::Fixture;
+use super::transcript::assert_words;
 use crate::recording::bag::png;
 use svl::matcher::V5Model;
 
@@ -16,49 +17,37 @@ fn short_arena() -> Fixture {
 fn cells_are_learned_and_the_table_decides() {
     let fixture = short_arena();
     let text = fixture.run(&format!("{TRAIN} -o own.safetensors"));
-    assert_says(
+    assert_words(
         &text,
-        &[
-            "images of one size: ",
-            "steps; % of cells",
-            "arena",
-            "720",
-            "predicted, %",
-            "nearest quarter, held out",
-            "earlier reports of",
-            "own.safetensors",
-            "own.html",
-        ],
+        "images of one size:  | steps; % of cells | arena | 720 | predicted, % \
+        | nearest quarter, held out | earlier reports of | own.safetensors | own.html",
     );
-    assert!(
-        text.lines().all(|line| line.chars().count() <= 80),
-        "{text}"
-    );
-    assert_says(&fixture.text("own.html"), &["Reliability", "held out"]);
+    let is_narrow = |line: &str| line.chars().count() <= 80;
+    assert!(text.lines().all(is_narrow), "{text}");
     // The same data give the same model, on any number of threads.
-    let model = |name: &str| std::fs::read(fixture.path(name)).unwrap();
-    fixture.run(&format!("{TRAIN} --threads 3 -o again.safetensors"));
-    assert_eq!(model("own.safetensors"), model("again.safetensors"));
+    fixture.transcript(&format!(
+        "cat own.html => Reliability | held out
+        {TRAIN} --threads 3 -o again.safetensors"
+    ));
+    let model = fixture.bytes("own.safetensors");
+    assert_eq!(model, fixture.bytes("again.safetensors"));
 
-    // The model is part of the parameters, by its content.
-    let right = |algorithm: &str, out: &str| {
-        let to = format!("--rerun none -o {out} --json");
-        let json = fixture.json(&format!("-q score short.toml --algo {algorithm} {to}"));
-        let manifest = fixture.text(&format!("{out}/manifest.json"));
-        let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    // The model is part of the parameters, by its content. A path with slashes is not a list of
+    // values.
+    let right = |out: &str, model: &[u8]| {
+        fixture.write("of/own.safetensors", model);
+        let line = "-q score short.toml --algo v5:model=of/own.safetensors --rerun none --json";
+        let json = fixture.json(&format!("{line} -o {out}"));
+        let manifest = fixture.json_file(&format!("{out}/manifest.json"));
         let hash = manifest["algorithms"][0]["parameters_hash"].clone();
         let all = &json["algorithms"][0]["areas"]["all"];
         (all["cells_right"].as_u64().unwrap(), hash)
     };
-    // A path with slashes is not a list of values.
-    std::fs::create_dir(fixture.path("of")).unwrap();
-    fixture.write("of/own.safetensors", model("own.safetensors"));
-    let own = right("v5:model=of/own.safetensors", "a");
+    let own = right("a", &model);
     assert!(own.0 > 200, "{own:?}");
-    let mut cautious = V5Model::from_bytes(&model("own.safetensors")).unwrap();
+    let mut cautious = V5Model::from_bytes(&model).unwrap();
     cautious.median.base -= 3000;
-    fixture.write("of/own.safetensors", cautious.to_bytes());
-    let cautious = right("v5:model=of/own.safetensors", "b");
+    let cautious = right("b", &cautious.to_bytes());
     assert!(
         cautious.0 < own.0 && cautious.1 != own.1,
         "{own:?} {cautious:?}"
@@ -80,38 +69,33 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
         fixture.write(&format!("{kind}.toml"), random_scenes(kind));
     }
     let train = "-q train v5 worlds.toml shapes.toml --seeds 1..4 --tables-only";
-    let json = fixture.json(&format!(
-        "{train} --test short.toml -o tested.safetensors --json"
-    ))["tables"][0]
-        .clone();
-    let kind = |i: usize| &json["kinds"][i];
-    assert_eq!(kind(0)["name"], "worlds");
-    assert_eq!(kind(0)["cells"], 4 * 6 * 15);
-    assert_eq!(kind(1)["name"], "shapes");
-    assert_eq!(kind(2)["name"], "arena");
+    let test = format!("{train} --test short.toml -o tested.safetensors --json");
+    let text = fixture.run(&test);
     // --seeds changes only what is fitted to.
-    assert_eq!(kind(2)["cells"], 2 * 12 * 15);
-    let tested = json["scenarios"].as_array().unwrap().iter();
-    let tested: Vec<_> = tested
-        .map(|scenario| scenario["tested"].as_bool().unwrap())
-        .collect();
-    assert_eq!(tested, [false, false, true]);
-    for i in 0..3 {
-        for figures in ["held_out", "present"] {
-            let figure = |name: &str| kind(i)[figures][name].as_f64().unwrap();
-            assert!((0.0..=1.0).contains(&figure("known")), "{json}");
-            assert!((0.5..=1.0).contains(&figure("area")), "{json}");
-            assert!((0.0..0.5).contains(&figure("calibration_error")), "{json}");
-        }
+    assert_words(
+        &text,
+        "/tables/0/kinds/0/name = worlds | /tables/0/kinds/0/cells = 360 \
+        | /tables/0/kinds/1/name = shapes \
+        | /tables/0/kinds/2/name = arena | /tables/0/kinds/2/cells = 360 \
+        | /tables/0/scenarios/# = 3 | /tables/0/scenarios/0/tested = false \
+        | /tables/0/scenarios/1/tested = false | /tables/0/scenarios/2/tested = true",
+    );
+    for figures in ["held_out", "present"] {
+        let figure = format!("/tables/0/kinds/*/{figures}");
+        let known = format!("{figure}/known > -1e-9 | {figure}/known < 1.000001");
+        let area = format!("{figure}/area > 0.4999999 | {figure}/area < 1.000001");
+        let error = "calibration_error";
+        let error = format!("{figure}/{error} > -1e-9 | {figure}/{error} < 0.5");
+        assert_words(&text, &[known, area, error].join(" | "));
     }
-    fixture.run(&format!("{train} -o alone.safetensors"));
-    let model = |name: &str| std::fs::read(fixture.path(name)).unwrap();
-    assert_eq!(model("tested.safetensors"), model("alone.safetensors"));
-    assert!(fixture.text("tested.html").contains("Kinds of scenes"));
+    fixture.transcript(&format!(
+        "{train} -o alone.safetensors
+        cat tested.html => Kinds of scenes"
+    ));
+    let model = fixture.bytes("tested.safetensors");
+    assert_eq!(model, fixture.bytes("alone.safetensors"));
     // The file names only what it was fitted to, its network's runs included.
-    let fitted = V5Model::from_bytes(&model("tested.safetensors"))
-        .unwrap()
-        .fitted;
+    let fitted = V5Model::from_bytes(&model).unwrap().fitted;
     let has = |run: &str| fitted.runs.iter().any(|fitted_run| fitted_run == run);
     assert!(has("shapes seed 4") && has("arena seed 101..110") && !has("arena seed 1"));
 }
@@ -120,29 +104,21 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
 fn the_network_is_learned_and_the_tables_on_other_runs() {
     let fixture = short_arena();
     let train = "-q train v5 short.toml --seeds 4..9 --epochs 12";
-    let text = fixture.run(&format!("{train} --threads 1 -o own.safetensors"));
-    assert_says(
-        &text,
-        &[
-            "pixels of gaps, 4 runs",
-            "1 run",
-            "12 epochs",
-            "within 2 px",
-        ],
-    );
+    fixture.transcript(&format!(
+        "{train} --threads 1 -o own.safetensors => pixels of gaps, 4 runs | 1 run | 12 epochs \
+        | within 2 px"
+    ));
     let json = fixture.json(&format!("{train} --threads 3 -o again.safetensors --json"));
-    let bytes = |name: &str| std::fs::read(fixture.path(name)).unwrap();
-    assert_eq!(bytes("own.safetensors"), bytes("again.safetensors"));
+    let [own, again] = ["own", "again"].map(|name| fixture.bytes(&format!("{name}.safetensors")));
+    assert_eq!(own, again);
     // It learns, and chooses better than the fill does.
     let network = &json["network"];
     let epochs = network["epochs"].as_array().unwrap();
     let number = |epoch: &serde_json::Value, key: &str| epoch[key].as_f64().unwrap();
     let [first, last] = [&epochs[0], &epochs[11]].map(|epoch| number(epoch, "held_out"));
     assert!(last < first - 0.05, "{json}");
-    assert!(
-        number(&epochs[11], "held_out_right") > number(network, "filled_right"),
-        "{json}"
-    );
+    let chosen = number(&epochs[11], "held_out_right");
+    assert!(chosen > number(network, "filled_right"), "{json}");
     // The tables are of the third and the sixth run, from what votes measure, too.
     assert_eq!(json["tables"][0]["scenarios"][0]["groups"], 2, "{json}");
     // Earlier reports are evidence.
@@ -150,11 +126,11 @@ fn the_network_is_learned_and_the_tables_on_other_runs() {
     assert!(number(time, "loss") <= number(time, "loss_alone"), "{json}");
     let relation = |i: usize| time["relations"][i].as_u64().unwrap();
     assert!(relation(0) > relation(1) + relation(2), "{json}");
-    fixture.run("-q score short.toml --rerun none --algo v5:model=own.safetensors -o r");
     fixture.write("table.toml", "rank = 50\n");
     fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
-    fixture.fails(
-        "match l.pgm r.pgm -o d.pfm --algo v5:model=table.toml => 2: table.toml | safetensors | \
+    fixture.transcript(
+        "-q score short.toml --rerun none --algo v5:model=own.safetensors -o r
+        match l.pgm r.pgm -o d.pfm --algo v5:model=table.toml => 2: table.toml | safetensors | \
          svl train v5
         match l.pgm r.pgm -o d.pfm --algo v5:gaps=own.safetensors => 2: gaps",
     );
@@ -210,27 +186,20 @@ fn video_scenario(videos: &[&str]) -> String {
 fn recordings_are_held_out_whole() {
     let fixture = Fixture::new();
     write_videos(&fixture);
+    let copy = video_scenario(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", "");
     fixture.write("both.toml", video_scenario(&["one", "two"]));
-    fixture.fails(
-        "-q train v5 one.toml --tables-only -o t.safetensors => 1: one run cannot be held out",
-    );
-    let train = "-q train v5 both.toml --tables-only --json";
-    let json = fixture.json(&format!("{train} -o t.safetensors"))["tables"][0].clone();
-    assert_eq!(json["scenarios"][0]["groups"], 2, "{json}");
-    // Nothing is held out by kind where there is one.
-    let kind = &json["kinds"][0];
-    assert!(kind["held_out"].is_null(), "{kind}");
-    // Names are alike in another video, and pairs in a copy with other names.
-    fixture.run(&format!("{train} --test three.toml -o other.safetensors"));
-    fixture.run("record two --truth depth/*.png -o two.mcap");
-    fixture.write(
-        "copy.toml",
-        video_scenario(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
-    );
-    fixture.fails(
-        "-q train v5 both.toml --tables-only --test copy.toml -o u.safetensors => 2: two.mcap: \
-         has 8 pairs of two: name each recording once
-        -q train v5 both.toml copy.toml --tables-only -o u.safetensors => 2: two.mcap: has 8 pairs \
-         of two: name each recording once",
-    );
+    fixture.write("copy.toml", copy);
+    // Nothing is held out by kind where there is one. Names are alike in another video, and pairs
+    // in a copy with other names.
+    let train = "-q train v5 both.toml --tables-only";
+    let copied = "2: two.mcap: has 8 pairs of two: name each recording once";
+    fixture.transcript(&format!(
+        "-q train v5 one.toml --tables-only -o t.safetensors => 1: one run cannot be held out
+        {train} --json -o t.safetensors => /tables/0/scenarios/0/groups = 2 \
+        | /tables/0/kinds/0/held_out = null
+        {train} --json --test three.toml -o other.safetensors
+        record two --truth depth/*.png -o two.mcap
+        {train} --test copy.toml -o u.safetensors => {copied}
+        -q train v5 both.toml copy.toml --tables-only -o u.safetensors => {copied}"
+    ));
 }

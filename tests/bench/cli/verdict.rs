@@ -1,7 +1,7 @@
 //! The verdict on programs that are no good: none is called best, and none is better than v5.
 #![cfg(unix)]
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::Fixture;
 use svl::arena::Arena;
 use svl::scenario::{Scenario, ScenarioSource};
 
@@ -50,33 +50,19 @@ fn names<'a>(json: &'a serde_json::Value, key: &str) -> Vec<&'a str> {
 #[test]
 fn nothing_that_ignores_the_images_is_best_or_better_than_a_matcher() {
     let fixture = Fixture::new();
-    fixture.run(&format!(
-        "record arena --frames {PAIRS} --seed 304 -o a.mcap -q"
-    ));
+    fixture.record("a.mcap", &format!("arena --frames {PAIRS} --seed 304"));
     // The last one answers in easy cells alone, and is right in nearly all that it knows.
-    let line = "score a.mcap --rerun none -o r --algo v5 --algo sgm --algo v3 --algo \
-                easy=v5:confidence=0.999";
-    let mut line: Vec<_> = line.split(' ').map(str::to_owned).collect();
+    let mut line = "score a.mcap --rerun none -o r --algo v5 --algo sgm --algo v3 --algo \
+                    easy=v5:confidence=0.999"
+        .to_owned();
     let constants = constants(&fixture);
     for (name, map) in &constants {
         fixture.write(&format!("{name}.sh"), CONSTANT.replace("NAME", name));
         fixture.write(&format!("{name}.bin"), map);
-        line.extend([
-            "--algo".to_owned(),
-            format!("{name}=exec:command=sh {name}.sh"),
-        ]);
+        line += &format!(" --algo '{name}=exec:command=sh {name}.sh'");
     }
-    let line: Vec<_> = line.iter().map(String::as_str).collect();
-    let screen = fixture.run(&line[..]);
-    assert_says(
-        &screen,
-        &[
-            "\nexact ",
-            "Best: v5 by ",
-            "exact distances",
-            "x may not be best",
-        ],
-    );
+    let words = "\\nexact  | Best: v5 by  | exact distances | x may not be best";
+    fixture.transcript(&format!("{line} => {words}"));
     let json = fixture.json_file("r/summary.json");
     let best = names(&json, "best");
     assert!(
@@ -128,11 +114,8 @@ fn nothing_that_ignores_the_images_is_best_or_better_than_a_matcher() {
             if metric == "time" {
                 continue;
             }
-            let line = format!(
-                "compare r#{} r#{label} --json",
-                best["algorithm"].as_str().unwrap()
-            );
-            let compared = fixture.json(&line);
+            let base = best["algorithm"].as_str().unwrap();
+            let compared = fixture.json(&format!("compare r#{base} r#{label} --json"));
             let changes = compared[0]["algorithms"][0]["metrics"].as_array().unwrap();
             let change = changes.iter().find(|own| own["metric"] == *metric).unwrap();
             let is_clear = other["certainty"] == "clear";
@@ -144,16 +127,16 @@ fn nothing_that_ignores_the_images_is_best_or_better_than_a_matcher() {
 #[test]
 fn references_are_no_labels_and_floor_judges_nobody() {
     let fixture = Fixture::new();
-    fixture.run("record arena --frames 8 --seed 3 -o a.mcap -q");
-    let wrong = "
+    fixture.record("a.mcap", "arena --frames 8 --seed 3");
+    // One pair tells nothing, and says so.
+    fixture.transcript(
+        "
         score a.mcap --algo prior=v3 => 2: 'prior' is a row of every report's table; give 'v3'
         score a.mcap --algo exact=v3 => 2: 'exact' is a row of every report's table
         compare a b --fail-on worse:floor => 2: 'floor' has no better direction, as it counts true
-    ";
-    fixture.fails(wrong);
-    // One pair tells nothing, and says so.
-    let screen = fixture.run("score a.mcap --every 8 --algo v3 --algo bm --rerun none -o one");
-    assert_says(&screen, &["Too few pairs to tell which is best"]);
-    let same = fixture.run("compare one#v3 one#bm");
-    assert_says(&same, &["too few pairs"]);
+        score a.mcap --every 8 --algo v3 --algo bm --rerun none -o one \
+        => Too few pairs to tell which is best
+        compare one#v3 one#bm => too few pairs
+        ",
+    );
 }

@@ -1,20 +1,18 @@
 //! Users' videos, side by side and one of each camera, whole and damaged.
 
-use super::fixture::{Fixture, has, pgm};
-use super::own_data::{frames, incomplete};
+use super::fixture::{CommandLine, Fixture, has, pgm};
+use super::own_data::frames;
 use std::ops::Range;
 use std::process::Command;
 
 const RECORD: &str = "record films --left left.mp4 --right right.mp4 -o out.mcap --force";
 
 /// Runs ffmpeg in the folder of a fixture.
-pub(super) fn ffmpeg(fixture: &Fixture, args: &[&str]) {
-    let ran = Command::new("ffmpeg")
-        .args(["-v", "error", "-y"])
-        .args(args)
-        .current_dir(fixture.path(""))
-        .status();
-    assert!(ran.unwrap().success(), "{args:?}");
+pub(super) fn ffmpeg(fixture: &Fixture, line: &str) {
+    let mut ffmpeg = Command::new("ffmpeg");
+    let ffmpeg = ffmpeg.args(["-v", "error", "-y"]).args(line.arguments());
+    let ran = ffmpeg.current_dir(fixture.path("")).status();
+    assert!(ran.unwrap().success(), "{line}");
 }
 
 #[test]
@@ -25,81 +23,60 @@ fn two_videos_are_pairs() {
     let fixture = Fixture::new();
     let film = |size: &str, rate: u32, frames: u32, name: &str| {
         // The two cameras see different things.
-        let kind = if name.starts_with('b') {
-            "testsrc2"
-        } else {
-            "testsrc"
-        };
-        let source = format!("{kind}=size={size}:rate={rate}");
-        let frames = frames.to_string();
-        let args = [
-            "-f",
-            "lavfi",
-            "-i",
-            &source,
-            "-frames:v",
-            &frames,
-            "-c:v",
-            "mjpeg",
-            name,
-        ];
-        ffmpeg(&fixture, &args);
+        let is_right = name.starts_with('b');
+        let kind = if is_right { "testsrc2" } else { "testsrc" };
+        ffmpeg(
+            &fixture,
+            &format!(
+                "-f lavfi -i {kind}=size={size}:rate={rate} -frames:v {frames} -c:v mjpeg {name}"
+            ),
+        );
     };
     film("128x48", 25, 30, "both.mkv");
     fixture.run("record both.mkv --side-by-side -o both.mcap");
     let pairs = frames(&fixture, "both.mcap");
     assert_eq!((pairs.len(), pairs[0].pair.size()), (30, (64, 48)));
-    assert_eq!(
-        (pairs[3].stamp_ns, pairs[3].exposure.skew_ns),
-        (120_000_000, None)
-    );
+    let (stamp_ns, skew_ns) = (pairs[3].stamp_ns, pairs[3].exposure.skew_ns);
+    assert_eq!((stamp_ns, skew_ns), (120_000_000, None));
     assert!(pairs[3].color.is_some());
-    // Two with one rate, one of them shorter.
+    // Two with one rate, one of them shorter. By number it is not known which of them is longer.
     film("64x48", 25, 30, "a.avi");
     film("64x48", 25, 28, "b.avi");
-    let two = ["record", ".", "--left", "a.avi", "--right"];
-    let ran = fixture.svl(&[&two[..], &["b.avi", "-o", "two.mcap"]].concat());
-    assert!(ran.stderr.contains("2 images outside"), "{}", ran.stderr);
-    ran.done();
-    assert_eq!(frames(&fixture, "two.mcap").len(), 28);
-    // By number it is not known which of them is longer.
-    let ran = fixture.svl(&[&two[..], &["b.avi", "-o", "numbers.mcap", "--fps", "25"]].concat());
-    incomplete(
-        ran,
-        &["./a.avi has 30 frames, ./b.avi 28", "2 images dropped"],
-    );
-    assert_eq!(frames(&fixture, "numbers.mcap").len(), 28);
     film("32x48", 25, 3, "small.avi");
     film("64x48", 30, 3, "fast.avi");
-    for (other, words) in [
-        ("small.avi", ["64x48", "32x48"]),
-        ("fast.avi", ["25.000 frames a second", "30.000"]),
-        ("none.avi", ["none.avi", "no such file"]),
-    ] {
-        let args = [&two[..], &[other, "-o", "no.mcap"]].concat();
-        fixture.svl(&args).failed(1, &words);
-    }
     // Truncated: the part before is kept, the part after is counted.
-    let whole = std::fs::read(fixture.path("both.mkv")).unwrap();
+    let whole = fixture.bytes("both.mkv");
     fixture.write("cut.mkv", &whole[..whole.len() / 2]);
-    let ran = fixture.svl("record cut.mkv --side-by-side -o cut.mcap");
-    incomplete(ran, &["frames dropped: a video is damaged or cut off"]);
+    fixture.write("no.mp4", "no video at all");
+    let two = "record . --left a.avi --right";
+    fixture.transcript(&format!(
+        "{two} b.avi -o two.mcap => 0~ 2 images outside
+        {two} b.avi -o numbers.mcap --fps 25 \
+        => 4~ ./a.avi has 30 frames, ./b.avi 28 | 2 images dropped
+        {two} small.avi -o no.mcap => 1: 64x48 | 32x48
+        {two} fast.avi -o no.mcap => 1: 25.000 frames a second | 30.000
+        {two} none.avi -o no.mcap => 1: none.avi | no such file
+        record cut.mkv --side-by-side -o cut.mcap \
+        => 4~ frames dropped: a video is damaged or cut off
+        record no.mp4 --side-by-side -o no.mcap => 1: no.mp4: ffprobe cannot read it"
+    ));
+    for name in ["two.mcap", "numbers.mcap"] {
+        assert_eq!(frames(&fixture, name).len(), 28);
+    }
     let kept = frames(&fixture, "cut.mcap").len();
     assert!((5..30).contains(&kept), "{kept}");
-    fixture.write("no.mp4", "no video at all");
-    fixture
-        .svl("record no.mp4 --side-by-side -o no.mcap")
-        .failed(1, &["no.mp4: ffprobe cannot read it"]);
 }
 
 #[test]
 fn without_ffmpeg_the_cure_is_told() {
     let fixture = Fixture::new();
     fixture.write("a.mp4", "anything");
-    let args = ["record", "a.mp4", "--side-by-side", "-o", "a.mcap"];
     let nowhere = fixture.path("nowhere").display().to_string();
     fixture
-        .svl_with(&args, &[("PATH", &nowhere)])
+        .svl_with(
+            "record a.mp4 --side-by-side -o a.mcap",
+            &[("PATH", &nowhere)],
+        )
         .failed(1, &["not installed", "apt install ffmpeg"]);
 }
 
@@ -113,10 +90,12 @@ fn write_film(fixture: &Fixture, width: u32, numbers: Range<u32>, filter: &str, 
     // Matroska keeps the times of frames, whatever the option for that is called.
     let is_mp4 = name.ends_with(".mp4");
     let first = if is_mp4 { "film.mkv" } else { name };
-    let args = ["-f", "lavfi", "-i", &source, "-c:v", "mjpeg", "-q:v", "1"];
-    ffmpeg(fixture, &[&args[..], &[first]].concat());
+    ffmpeg(
+        fixture,
+        &format!("-f lavfi -i {source} -c:v mjpeg -q:v 1 {first}"),
+    );
     if is_mp4 {
-        ffmpeg(fixture, &["-i", first, "-c", "copy", name]);
+        ffmpeg(fixture, &format!("-i {first} -c copy {name}"));
     }
 }
 
@@ -146,10 +125,9 @@ fn two_videos_are_paired_by_their_times() {
     let lacks = |first: u32| format!(",select='not(between(n,{first},{}))'", first + 4);
     write_film(&fixture, 64, 0..40, &lacks(5), "films/left.mp4");
     write_film(&fixture, 64, 0..40, &lacks(20), "films/right.mp4");
-    incomplete(
-        fixture.svl(RECORD),
-        &["10 images dropped: without a partner"],
-    );
+    fixture.transcript(&format!(
+        "{RECORD} => 4~ 10 images dropped: without a partner"
+    ));
     let both = (0..40).filter(|n| n / 5 != 1 && n / 5 != 4);
     assert_eq!(pairs(&fixture, "out.mcap"), alike(both));
     // By number their gaps make false pairs, as the user asked for.
@@ -159,22 +137,15 @@ fn two_videos_are_paired_by_their_times() {
     // The right camera started three frames later, and stopped later.
     write_film(&fixture, 64, 0..20, "", "films/left.mp4");
     write_film(&fixture, 64, 3..23, "", "films/start.mp4");
+    let start_at = |s: &str| {
+        let films = "-i films/start.mp4 -c copy films/right.mp4";
+        ffmpeg(&fixture, &format!("-itsoffset {s} {films}"));
+    };
     for offset in ["0.3", "0.32"] {
-        let args = [
-            "-itsoffset",
-            offset,
-            "-i",
-            "films/start.mp4",
-            "-c",
-            "copy",
-            "films/right.mp4",
-        ];
-        ffmpeg(&fixture, &args);
-        let ran = fixture.svl(RECORD);
-        for words in ["later than that of films/left.mp4", "6 images outside"] {
-            assert!(ran.stderr.contains(words), "{}", ran.stderr);
-        }
-        ran.done();
+        start_at(offset);
+        fixture.transcript(&format!(
+            "{RECORD} => 0~ later than that of films/left.mp4 | 6 images outside"
+        ));
         assert_eq!(pairs(&fixture, "out.mcap"), alike(3..20));
     }
     let skew = frames(&fixture, "out.mcap")[0].exposure.skew_ns;
@@ -182,22 +153,11 @@ fn two_videos_are_paired_by_their_times() {
     assert_eq!(skew.unwrap() / 100_000, 200);
 
     // Two clocks without a common time.
-    let args = [
-        "-itsoffset",
-        "1000",
-        "-i",
-        "films/start.mp4",
-        "-c",
-        "copy",
-        "films/right.mp4",
-    ];
-    ffmpeg(&fixture, &args);
-    let words = [
-        "films/left.mp4: has no frame at the time",
-        "--fps HZ pairs by number",
-    ];
-    fixture.svl(RECORD).failed(1, &words);
-    fixture.run(&format!("{RECORD} --fps 10"));
+    start_at("1000");
+    fixture.transcript(&format!(
+        "{RECORD} => 1: films/left.mp4: has no frame at the time | --fps HZ pairs by number
+        {RECORD} --fps 10"
+    ));
     assert_eq!(pairs(&fixture, "out.mcap")[1], (1, 4, 1));
 }
 
@@ -209,7 +169,7 @@ fn a_damaged_frame_shifts_no_other() {
     let fixture = Fixture::new();
     fixture.write("films/README", "");
     let damage = |name: &str| {
-        let mut bytes = std::fs::read(fixture.path(name)).unwrap();
+        let mut bytes = fixture.bytes(name);
         let movie = bytes.windows(4).position(|word| word == b"movi").unwrap();
         let starts = (movie..bytes.len()).filter(|at| bytes[*at..].starts_with(b"00dc"));
         let starts: Vec<_> = starts.collect();
@@ -223,17 +183,18 @@ fn a_damaged_frame_shifts_no_other() {
     write_film(&fixture, 128, 0..30, "", "films/both.avi");
     damage("films/right.avi");
     damage("films/both.avi");
-    let intact = || (0..30).filter(|n| ![10, 15].contains(n));
-    let record = "record films --left left.avi --right right.avi -o out.mcap --force";
-    let dropped = "2 frames dropped: a video is damaged or cut off";
-    incomplete(fixture.svl(record), &[dropped, "2 images dropped: without"]);
-    assert_eq!(pairs(&fixture, "out.mcap"), alike(intact()));
-    let record_both = "record films/both.avi --side-by-side -o out.mcap --force";
-    incomplete(fixture.svl(record_both), &[dropped]);
-    assert_eq!(pairs(&fixture, "out.mcap"), alike(intact()));
     // Numbers cannot tell where frames are lost, and say so.
-    let ran = fixture.svl(&format!("{record} --fps 10"));
-    incomplete(ran, &[dropped, "frames are counted without the 2 lost"]);
+    let record = "record films --left left.avi --right right.avi --force -o";
+    let dropped = "2 frames dropped: a video is damaged or cut off";
+    fixture.transcript(&format!(
+        "{record} two.mcap => 4~ {dropped} | 2 images dropped: without
+        record films/both.avi --side-by-side -o one.mcap => 4~ {dropped}
+        {record} out.mcap --fps 10 => 4~ {dropped} | frames are counted without the 2 lost"
+    ));
+    for name in ["two.mcap", "one.mcap"] {
+        let intact = (0..30).filter(|n| ![10, 15].contains(n));
+        assert_eq!(pairs(&fixture, name), alike(intact));
+    }
 }
 
 /// A video of 25 frames a second of a camera that shakes, from a frame on; the right one sees all
@@ -252,24 +213,11 @@ fn write_shaken(fixture: &Fixture, from: u32, shift: u32, name: &str) {
     let x = wave(60 + shift, [(20, 0.31), (12, 0.83), (9, 0.123)]);
     let y = wave(50, [(16, 0.27), (13, 0.71), (8, 0.057)]);
     let crop = format!("crop=320:240:x='{x}':y='{y}',format=gray");
-    let args = [
-        "-loop",
-        "1",
-        "-framerate",
-        "25",
-        "-i",
-        "wall.pgm",
-        "-frames:v",
-        "120",
-        "-vf",
-        &crop,
-        "-c:v",
-        "mjpeg",
-        "-q:v",
-        "2",
-        name,
-    ];
-    ffmpeg(fixture, &args);
+    let wall = "-loop 1 -framerate 25 -i wall.pgm -frames:v 120";
+    ffmpeg(
+        fixture,
+        &format!("{wall} -vf {crop} -c:v mjpeg -q:v 2 {name}"),
+    );
 }
 
 #[test]
@@ -283,25 +231,21 @@ fn videos_that_were_started_by_hand_are_told_their_offset() {
     write_shaken(&fixture, 0, 8, "films/right.avi");
     write_shaken(&fixture, 30, 8, "films/late.avi");
     write_shaken(&fixture, 30, 0, "films/late_left.avi");
-    let record = |left: &str, right: &str, more: &str| {
+    let record = |left: &str, right: &str, more: &str, words: &str| {
         let films = format!("films --left {left}.avi --right {right}.avi");
-        let ran = fixture.svl(&format!("record {films} -o out.mcap --force {more}"));
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-        ran.stderr
+        let line = format!("record {films} -o out.mcap --force {more}");
+        fixture.transcript(&format!("{line} => 0~ {words}"));
     };
-    let said = record("left", "right", "");
-    assert!(!said.contains("right-offset-ms"), "{said}");
+    record("left", "right", "", "!right-offset-ms");
     // Whichever is late; the proposal pairs images of one moment.
     for (left, right, ms) in [
         ("left", "late", "1200.0"),
         ("late_left", "right", "-1200.0"),
     ] {
-        let said = record(left, right, "");
         let cure = format!("--right-offset-ms {ms}");
-        assert!(said.contains(&format!("`{cure}`")), "{said}");
+        record(left, right, "", &format!("`{cure}`"));
         for more in ["", " --fps 25 --allow-loss 30"] {
-            let said = record(left, right, &(cure.clone() + more));
-            assert!(!said.contains("`--right-offset-ms"), "{said}");
+            record(left, right, &(cure.clone() + more), "!`--right-offset-ms");
             let pairs = frames(&fixture, "out.mcap");
             assert_eq!(pairs.len(), 90, "{left}");
             let [left, right] = [pairs[40].pair.left(), pairs[40].pair.right()];
@@ -328,9 +272,7 @@ fn a_video_is_turned_before_its_halves_are_cut() {
         let source = format!("color=size=64x48:rate=10:d=1,format=gray,{filter}");
         ffmpeg(
             &fixture,
-            &[
-                "-f", "lavfi", "-i", &source, "-c:v", "mjpeg", "-q:v", "1", name,
-            ],
+            &format!("-f lavfi -i {source} -c:v mjpeg -q:v 1 {name}"),
         );
     };
     film("geq=lum='if(lt(X,32),50,200)'", "both.mov");
@@ -343,25 +285,21 @@ fn a_video_is_turned_before_its_halves_are_cut() {
     let track = places.nth(1).unwrap();
     turned[track..track + 20].copy_from_slice(&matrix([0, 0x1_0000, 0, -0x1_0000, 0]));
     fixture.write("turned.mov", &turned);
-    let greys = |name: &str, layout: &str| {
-        let line = format!("record {name} --side-by-side{layout} -o out.mcap --force");
-        let ran = fixture.svl(&line);
-        let said = ran.stderr.contains("turned.mov: is turned by");
-        ran.done();
+    for (name, layout, size, greys) in [
+        ("both", "", (32, 48), [1, 4]),
+        ("both", "=right-left", (32, 48), [4, 1]),
+        ("upright", "=top-bottom", (64, 24), [1, 4]),
+        ("upright", "=bottom-top", (64, 24), [4, 1]),
+        ("turned", "", (24, 64), [4, 1]),
+    ] {
+        let no = if name == "turned" { "" } else { "!" };
+        fixture.transcript(&format!(
+            "record {name}.mov --side-by-side{layout} -o out.mcap --force \
+            => 0~ {no}turned.mov: is turned by"
+        ));
         let pair = frames(&fixture, "out.mcap").remove(0).pair;
-        let greys = [pair.left(), pair.right()].map(|image| i32::from(image.get(9, 9)) / 50);
-        (pair.size(), greys, said)
-    };
-    assert_eq!(greys("both.mov", ""), ((32, 48), [1, 4], false));
-    assert_eq!(greys("both.mov", "=right-left"), ((32, 48), [4, 1], false));
-    assert_eq!(
-        greys("upright.mov", "=top-bottom"),
-        ((64, 24), [1, 4], false)
-    );
-    assert_eq!(
-        greys("upright.mov", "=bottom-top"),
-        ((64, 24), [4, 1], false)
-    );
-    assert_eq!(greys("turned.mov", ""), ((24, 64), [4, 1], true));
+        let found = [pair.left(), pair.right()].map(|image| image.get(9, 9) / 50);
+        assert_eq!((pair.size(), found), (size, greys), "{name}{layout}");
+    }
     fixture.fails("record both.mov --side-by-side=up -o n.mcap => 2: left-right | right-left");
 }

@@ -26,36 +26,25 @@ fn too_dark_and_too_bright_become_right() {
         let frames = grab(light, Settings::new(first_us, 0));
         let last = frames.last().unwrap();
         for image in [last.pair.left(), last.pair.right()] {
-            assert!(
-                (85.0..=115.0).contains(&mean(image)),
-                "light {light}: {} at {:?}",
-                mean(image),
-                last.exposure
-            );
+            let (mean, exposure) = (mean(image), &last.exposure);
+            let is_right = (85.0..=115.0).contains(&mean);
+            assert!(is_right, "light {light}: {mean} at {exposure:?}");
         }
-        assert_eq!(
-            last.exposure.skew_ns.unwrap(),
-            0,
-            "a skew of half a shutter would show that they differ"
-        );
+        // A skew of half a shutter would show that they differ.
+        assert_eq!(last.exposure.skew_ns, Some(0));
     }
 }
 
 #[test]
 fn the_gain_does_what_the_shutter_cannot() {
+    // It takes the gain back first.
     let bright = grab(2.0, Settings::new(4_000, 6_000));
-    assert_eq!(
-        bright.last().unwrap().exposure.gain_mdb,
-        0,
-        "it takes the gain back first"
-    );
+    assert_eq!(bright.last().unwrap().exposure.gain_mdb, 0);
     let dark = grab(0.2, Settings::new(4_000, 0));
     let exposure = dark.last().unwrap().exposure;
     assert_eq!(exposure.shutter_us, 8_000, "the rate's limit");
-    assert!(
-        (10_000..=18_000).contains(&exposure.gain_mdb),
-        "{exposure:?}"
-    );
+    let is_used = (10_000..=18_000).contains(&exposure.gain_mdb);
+    assert!(is_used, "{exposure:?}");
 }
 
 const LIMITS: Limits = Limits::new(100..=10_000, 0..=12_000);
@@ -76,11 +65,8 @@ fn it_stays_within_the_limits_and_still_when_all_is_well() {
     let balance = || Balance::new(LIMITS, begin, 1);
     assert_eq!(settle(balance(), [0, 0]), Settings::new(10_000, 12_000));
     assert_eq!(settle(balance(), [255, 255]), Settings::new(100, 0));
-    assert_eq!(
-        settle(balance(), [95, 105]),
-        begin,
-        "the images together are right"
-    );
+    // The images together are right.
+    assert_eq!(settle(balance(), [95, 105]), begin);
 }
 
 /// A camera in front of a scene: one radiance for each sampled pixel, as its grey value at 8 ms.
@@ -211,26 +197,17 @@ fn cameras_without_common_limits_are_refused() {
         shutter_us: 20_000..=30_000,
         ..LIMITS
     };
-    let error = LIMITS.common(&short).unwrap_err().to_string();
+    let gain = Limits {
+        gain_mdb: 20_500..=24_000,
+        ..LIMITS
+    };
+    let error = |other: &Limits| LIMITS.common(other).unwrap_err().to_string();
     let words = "the cameras: no shutter time in common: left 100 to 10000 µs, right 20000 to \
                  30000 µs; use two of one model";
-    assert_eq!(error, words);
-    let error = LIMITS
-        .common(&Limits::new(0..=0, 0..=0))
-        .unwrap_err()
-        .to_string();
-    assert_says(&error, &["right cannot be set"]);
-    let error = LIMITS
-        .common(&Limits {
-            gain_mdb: 20_500..=24_000,
-            ..LIMITS
-        })
-        .unwrap_err()
-        .to_string();
-    assert_says(
-        &error,
-        &["no gain in common: left 0 to 12 dB, right 20.5 to 24 dB"],
-    );
+    assert_eq!(error(&short), words);
+    assert_says(&error(&Limits::new(0..=0, 0..=0)), &["right cannot be set"]);
+    let words = "no gain in common: left 0 to 12 dB, right 20.5 to 24 dB";
+    assert_says(&error(&gain), &[words]);
     let other = Limits::new(50..=5_000, 3_000..=20_000);
     assert_eq!(
         LIMITS.common(&other).unwrap(),

@@ -8,7 +8,7 @@ use svl::grab::simulated::{
 };
 use svl::grab::{
     Camera, Capture, GrabClock, Grabber, Limits, Policy, Rule, Settings, Setup, Taken, Tally,
-    WhenFull,
+    Unpaired, WhenFull,
 };
 use svl::stereo::{Frame, Gray, Side, StereoPair};
 
@@ -184,6 +184,23 @@ fn belated(camera: Box<dyn Camera>, clock: &Arc<GrabClock>, late_ns: u64) -> Box
         Ok(None)
     };
     Box::new(Altered { camera, capture })
+}
+
+/// Rule of pairs whose images are at most a quarter of a period apart.
+pub const NEAR: Rule = Rule::Stamp {
+    max_skew_ns: PERIOD_NS / 4,
+    period_ns: PERIOD_NS,
+};
+
+/// Skew of each pair in nanoseconds.
+pub fn skews(frames: &[Frame]) -> Vec<i64> {
+    let skews = frames.iter().map(|frame| frame.exposure.skew_ns);
+    skews.map(Option::unwrap).collect()
+}
+
+/// Number of images without a partner, except those at the end.
+pub fn lost(tally: &Tally) -> u64 {
+    tally.unpaired.iter().sum::<u64>() - tally.unpaired[Unpaired::Unfinished as usize]
 }
 
 /// Asserts that everything is counted.

@@ -1,15 +1,12 @@
 //! Invalid recordings: the error is one line, and no wrong pair is returned.
 
+use super::bag::{self, SIZE};
 use super::frames::{attachment, bare, header, one_line, read, record, summarize};
-use super::recovery::specimen;
-use crate::common::assert_says;
+use super::recovery::{are_of, specimen};
+use super::says::Says;
 use std::path::Path;
-use svl::Result;
 use svl::recording::{ImageFormat, Reader};
 use svl::source::{RecordingSource, Source};
-use svl::stereo::Frame;
-
-const SIZE: (usize, usize) = (24, 16);
 
 /// The error of opening `bytes` as a recording.
 fn complaint(bytes: &[u8]) -> String {
@@ -21,17 +18,18 @@ fn complaint(bytes: &[u8]) -> String {
     one_line(&path, &error.expect("it is bad"))
 }
 
-/// An MCAP file of messages: topic, schema, stamp, bytes.
-fn mcap_of(messages: &[(&str, &str, u64, &[u8])]) -> Vec<u8> {
+/// A message in an MCAP file: topic, schema, stamp, bytes.
+type Part<'a> = (&'a str, &'a str, u64, &'a [u8]);
+
+/// An MCAP file of messages.
+fn mcap_of(messages: &[Part<'_>]) -> Vec<u8> {
     let mut file = std::io::Cursor::new(Vec::new());
     let mut writer = mcap::Writer::new(&mut file).unwrap();
     for &(topic, schema, stamp, data) in messages {
         let schema = writer.add_schema(schema, "protobuf", b"").unwrap();
-        let channel_id = writer
-            .add_channel(schema, topic, "protobuf", &Default::default())
-            .unwrap();
+        let channel = writer.add_channel(schema, topic, "protobuf", &Default::default());
         let header = mcap::records::MessageHeader {
-            channel_id,
+            channel_id: channel.unwrap(),
             sequence: 0,
             log_time: stamp,
             publish_time: stamp,
@@ -44,7 +42,6 @@ fn mcap_of(messages: &[(&str, &str, u64, &[u8])]) -> Vec<u8> {
 }
 
 fn raw_image(width: u32, height: u32, encoding: &str, bytes: usize) -> Vec<u8> {
-    use foxglove::Encode as _;
     let image = foxglove::messages::RawImage {
         width,
         height,
@@ -53,92 +50,76 @@ fn raw_image(width: u32, height: u32, encoding: &str, bytes: usize) -> Vec<u8> {
         data: vec![7; bytes].into(),
         ..Default::default()
     };
-    let mut data = Vec::new();
-    image.encode(&mut data).unwrap();
-    data
+    bag::protobuf("", "", 0, &image).data
 }
 
-const SYNC: &[u8] = br#"{"sequence":0,"left_stamp_ns":9,"right_stamp_ns":9,"trigger_id":0,
-"skew_ns":0,"shutter_us":0,"gain_mdb":0,"drops":0}"#;
+const LEFT: &str = "/stereo/left/image";
+const RIGHT: &str = "/stereo/right/image";
+const IMAGE: &str = "foxglove.RawImage";
 
-/// A recording of one pair of these images.
-fn pair_of(left: &[u8], right: &[u8]) -> Vec<u8> {
-    let (image, left_topic, right_topic) = (
-        "foxglove.RawImage",
-        "/stereo/left/image",
-        "/stereo/right/image",
-    );
-    mcap_of(&[
-        (left_topic, image, 9, left),
-        (right_topic, image, 9, right),
-        ("/stereo/sync", "svl.StereoSync", 9, SYNC),
-    ])
-}
+/// What svl's own recordings say of the pair at 9 ns.
+const SYNC: Part<'_> = (
+    "/stereo/sync",
+    "svl.StereoSync",
+    9,
+    br#"{"sequence":0,"left_stamp_ns":9,"right_stamp_ns":9,"trigger_id":0,
+"skew_ns":0,"shutter_us":0,"gain_mdb":0,"drops":0}"#,
+);
 
 #[test]
 fn files_that_are_no_recordings_are_refused() {
     let missing = Path::new("no/such/file.mcap");
-    assert!(one_line(missing, &Reader::open(missing).err().unwrap()).contains("no such file"));
+    one_line(missing, &Reader::open(missing).err().unwrap()).says("no such file");
     let folder = tempfile::tempdir().unwrap();
-    assert_says(
-        &Reader::open(folder.path()).err().unwrap().to_string(),
-        &["is a folder"],
-    );
-    assert!(complaint(b"").contains("is empty"));
-    assert!(complaint(b"\x89MC").contains("not an MCAP file"));
-    assert!(complaint(b"# a recording, honestly").contains("not an MCAP file"));
+    Reader::open(folder.path())
+        .err()
+        .unwrap()
+        .says("is a folder");
+    complaint(b"").says("is empty");
+    complaint(b"\x89MC").says("not an MCAP file");
+    complaint(b"# a recording, honestly").says("not an MCAP file");
 }
 
 #[test]
 fn recordings_without_pairs_are_refused() {
     let image = raw_image(4, 2, "mono8", 8);
-    assert!(complaint(&mcap_of(&[])).contains("it has no images"));
-    assert!(complaint(&mcap_of(&[("/scan", "LaserScan", 1, b"x")])).contains("it has no images"));
-    let left = ("/stereo/left/image", "foxglove.RawImage", 1, &*image);
-    let right = ("/stereo/right/image", "foxglove.RawImage", 1, &*image);
-    let sync = ("/stereo/sync", "svl.StereoSync", 9, SYNC);
-    assert!(
-        complaint(&mcap_of(&[left])).contains("/stereo/left/image is its only topic of images")
-    );
-    assert!(complaint(&mcap_of(&[sync])).contains("ended before the first"));
-    for (messages, lefts, rights) in [
-        (&[left, left, sync][..], "2 images", 0),
-        (&[right, sync], "0 images", 1),
-        (&[left, right, sync], "1 image", 1),
+    let [left, right] = [LEFT, RIGHT].map(|topic| (topic, IMAGE, 1, &*image));
+    let scan: Part<'_> = ("/scan", "LaserScan", 1, b"x");
+    let counts = |lefts: &str, rights: u64| {
+        format!("no /stereo/sync says which | {lefts} of {LEFT} and {rights} of {RIGHT}")
+    };
+    for (messages, words) in [
+        (&[][..], "it has no images"),
+        (&[scan], "it has no images"),
+        (&[left], "/stereo/left/image is its only topic of images"),
+        (&[SYNC], "ended before the first"),
+        (&[left, left, SYNC], &counts("2 images", 0)),
+        (&[right, SYNC], &counts("0 images", 1)),
+        (&[left, right, SYNC], &counts("1 image", 1)),
     ] {
-        let counts = format!("{lefts} of /stereo/left/image and {rights} of /stereo/right/image");
-        assert_says(
-            &complaint(&mcap_of(messages)),
-            &["no /stereo/sync says which", &counts],
-        );
+        complaint(&mcap_of(messages)).says(words);
     }
 }
 
 #[test]
 fn invalid_pairs_are_refused() {
     let good = raw_image(4, 2, "mono8", 8);
-    let says = |left: &[u8], what: &str| {
-        let text = complaint(&pair_of(left, &good));
-        assert!(text.contains(what), "{text}");
-    };
-    says(
-        &raw_image(5, 2, "mono8", 10),
-        "left image is 5x2, right image is 4x2",
-    );
-    says(&raw_image(4, 2, "hsv8", 24), "'hsv8', svl reads mono8");
-    says(&raw_image(4, 2, "mono8", 7), "does not fit its 7 bytes");
-    says(&raw_image(0, 2, "mono8", 8), "0x2");
-    says(
-        &raw_image(u32::MAX, u32::MAX, "mono8", 8),
-        "4294967295x4294967295",
-    );
-    says(b"\xff\xff\xff", "");
-    let sync = ("/stereo/sync", "svl.StereoSync", 9, SYNC);
-    let foreign = mcap_of(&[
-        ("/stereo/left/image", "sensor_msgs/msg/Image", 9, &good),
-        sync,
-    ]);
-    assert!(complaint(&foreign).contains("its sensor_msgs/msg/Image is in 'protobuf', svl reads"));
+    let wide = raw_image(5, 2, "mono8", 10);
+    let max = u32::MAX;
+    for (left, words) in [
+        (wide, "left image is 5x2, right image is 4x2"),
+        (raw_image(4, 2, "hsv8", 24), "'hsv8', svl reads mono8"),
+        (raw_image(4, 2, "mono8", 7), "does not fit its 7 bytes"),
+        (raw_image(0, 2, "mono8", 8), "0x2"),
+        (raw_image(max, max, "mono8", 8), "4294967295x4294967295"),
+        (b"\xff\xff\xff".to_vec(), ""),
+    ] {
+        let [left, right] = [(LEFT, &left), (RIGHT, &good)];
+        let pair = [left, right].map(|(topic, image)| (topic, IMAGE, 9, &image[..]));
+        complaint(&mcap_of(&[pair[0], pair[1], SYNC])).says(words);
+    }
+    let foreign = mcap_of(&[(LEFT, "sensor_msgs/msg/Image", 9, &good), SYNC]);
+    complaint(&foreign).says("its sensor_msgs/msg/Image is in 'protobuf', svl reads");
 }
 
 #[test]
@@ -146,39 +127,23 @@ fn a_bad_pair_costs_only_itself() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let (good, narrow) = (raw_image(4, 2, "mono8", 8), raw_image(2, 2, "mono8", 4));
-    let image = "foxglove.RawImage";
-    let sync = |stamp: u64| String::from_utf8_lossy(SYNC).replace(":9", &format!(":{stamp}"));
+    let (topic, schema, _, sync) = SYNC;
+    let sync = |stamp: u64| String::from_utf8_lossy(sync).replace(":9", &format!(":{stamp}"));
     let syncs: Vec<_> = (0..4).map(sync).collect();
-    let messages: Vec<_> = (0..4)
-        .flat_map(|i| {
-            let right = if i == 2 { &narrow } else { &good };
-            [
-                ("/stereo/left/image", image, i, &*good),
-                ("/stereo/right/image", image, i, &**right),
-                (
-                    "/stereo/sync",
-                    "svl.StereoSync",
-                    i,
-                    syncs[i as usize].as_bytes(),
-                ),
-            ]
-        })
-        .chain([("/stereo/left/image", image, 77, &*good)])
-        .collect();
+    let pairs = (0..4).flat_map(|i| {
+        let right = if i == 2 { &narrow } else { &good };
+        let sync = (topic, schema, i, syncs[i as usize].as_bytes());
+        [(LEFT, IMAGE, i, &good[..]), (RIGHT, IMAGE, i, right), sync]
+    });
+    let messages: Vec<_> = pairs.chain([(LEFT, IMAGE, 77, &good[..])]).collect();
     std::fs::write(&path, mcap_of(&messages)).unwrap();
     let mut reader = Reader::open(&path).unwrap();
-    let mut read: Vec<Result<Option<Frame>>> = (0..5).map(|_| reader.next_pair()).collect();
-    assert!(matches!(read.pop(), Some(Ok(None))));
-    let stamps: Vec<_> = read
-        .iter()
-        .map(|r| r.as_ref().ok().map(|f| f.as_ref().unwrap().stamp_ns))
-        .collect();
+    let read = [(); 4].map(|()| reader.next_pair());
+    assert!(matches!(reader.next_pair(), Ok(None)));
+    let stamps = read.map(|pair| pair.ok().map(|frame| frame.unwrap().stamp_ns));
     assert_eq!(stamps, [Some(0), Some(1), None, Some(3)]);
-    assert_eq!(
-        reader.facts().unpaired_ns.len(),
-        1,
-        "the lonely one at the end"
-    );
+    let unpaired = reader.facts().unpaired_ns.len();
+    assert_eq!(unpaired, 1, "the lonely one at the end");
 }
 
 #[test]
@@ -186,17 +151,13 @@ fn a_broken_message_beside_the_images_costs_no_pair() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let good = raw_image(4, 2, "mono8", 8);
-    let image = "foxglove.RawImage";
-    std::fs::write(
-        &path,
-        mcap_of(&[
-            ("/stereo/left/image", image, 9, &good),
-            ("/truth/visibility", image, 9, b"\xff\xff\xff"),
-            ("/stereo/right/image", image, 9, &good),
-            ("/stereo/sync", "svl.StereoSync", 9, SYNC),
-        ]),
-    )
-    .unwrap();
+    let messages = [
+        (LEFT, IMAGE, 9, &good[..]),
+        ("/truth/visibility", IMAGE, 9, b"\xff\xff\xff"),
+        (RIGHT, IMAGE, 9, &good),
+        SYNC,
+    ];
+    std::fs::write(&path, mcap_of(&messages)).unwrap();
     let mut source = RecordingSource::open(&path).unwrap();
     assert!(source.next().unwrap().is_some() && source.next().unwrap().is_none());
     let mut losses = source.finish(1);
@@ -215,7 +176,7 @@ fn an_attachment_cut_short_is_no_panic() {
         let length = (body.len() as u64).to_le_bytes();
         std::fs::write(&path, [mcap::MAGIC, &[0x09], &length, &body].concat()).unwrap();
         let error = attachment(&path, "a").unwrap_err();
-        assert!(one_line(&path, &error).contains("lengths of a record do not agree"));
+        one_line(&path, &error).says("lengths of a record do not agree");
     }
 }
 
@@ -225,28 +186,18 @@ fn a_recording_cut_anywhere_gives_its_whole_pairs_and_says_so() {
     let (bytes, frames) = specimen(folder.path());
     let cut = folder.path().join("cut.mcap");
     let mut most = 0;
-    for length in (0..bytes.len())
-        .step_by(7)
-        .chain(bytes.len() - 300..bytes.len())
-    {
+    let last = bytes.len() - 300..bytes.len();
+    for length in (0..bytes.len()).step_by(7).chain(last) {
         std::fs::write(&cut, &bytes[..length]).unwrap();
         let (read, error) = read(&cut);
-        let text = one_line(
-            &cut,
-            &error.unwrap_or_else(|| panic!("cut at {length}: not a word")),
-        );
-        assert!(
-            read[..] == frames[..read.len()],
-            "cut at {length}: a wrong pair"
-        );
-        most = most.max(read.len());
-        if !read.is_empty() {
-            assert!(
-                text.contains("incomplete")
-                    && text.contains(&format!("intact pairs read: {}", read.len())),
-                "{text}"
-            );
-            assert!(summarize(&cut).unwrap().pairs >= read.len() as u64);
+        let error = error.unwrap_or_else(|| panic!("cut at {length}: not a word"));
+        let text = one_line(&cut, &error);
+        let pairs = read.len();
+        assert!(read[..] == frames[..pairs], "cut at {length}: a wrong pair");
+        most = most.max(pairs);
+        if pairs > 0 {
+            text.says(&format!("incomplete | intact pairs read: {pairs}"));
+            assert!(summarize(&cut).unwrap().pairs >= pairs as u64);
         }
     }
     assert_eq!(most, frames.len());
@@ -264,17 +215,11 @@ fn a_changed_byte_anywhere_is_noticed() {
         let (read, error) = read(&changed);
         assert!(error.is_some(), "byte {at} changed: not a word");
         // A chunk with another opcode is skipped, so a pair may be missing in the middle.
-        let mut originals = frames.iter();
-        assert!(
-            read.iter()
-                .all(|pair| originals.any(|original| original == pair)),
-            "byte {at} changed: a wrong pair"
-        );
+        let are_right = are_of(&read, &frames);
+        assert!(are_right, "byte {at} changed: a wrong pair");
         let _ = (header(&changed), attachment(&changed, "scenario.toml"));
-        assert!(
-            summarize(&changed).map_or(true, |summary| !summary.is_intact()),
-            "byte {at} changed"
-        );
+        let is_intact = summarize(&changed).is_ok_and(|summary| summary.is_intact());
+        assert!(!is_intact, "byte {at} changed");
     }
 }
 
@@ -289,12 +234,8 @@ fn rubbish_in_place_of_lengths_is_no_panic_and_no_memory() {
             let mut bad = bytes.clone();
             bad[at..at + 8].copy_from_slice(&rubbish);
             std::fs::write(&changed, &bad).unwrap();
-            let _ = (
-                read(&changed),
-                summarize(&changed),
-                header(&changed),
-                attachment(&changed, "x"),
-            );
+            drop((read(&changed), summarize(&changed)));
+            drop((header(&changed), attachment(&changed, "x")));
         }
     }
 }

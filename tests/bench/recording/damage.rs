@@ -1,9 +1,10 @@
 //! Damage at every position of a recording: everything untouched is salvaged.
 
 use super::frames::{bare, read, record, recover, summarize};
-use super::recovery::{recovered, specimen};
-use crate::common::assert_says;
+use super::recovery::{are_of, recovered, specimen};
+use super::says::Says;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use svl::Error;
 use svl::recording::{ImageFormat, Reader, Recovery};
@@ -40,13 +41,8 @@ impl Whole {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (bytes, frames) = specimen(folder.path());
-        let ranges = |opcode| {
-            records(&bytes)
-                .into_iter()
-                .filter(move |(kind, _)| *kind == opcode)
-                .map(|(_, range)| range)
-        };
-        let (chunks, attachment) = (ranges(6).collect::<Vec<_>>(), ranges(9).next().unwrap());
+        let (chunks, mut records) = (chunks(&bytes), records(&bytes).into_iter());
+        let (_, attachment) = records.find(|(opcode, _)| *opcode == 9).unwrap();
         assert_eq!(chunks.len(), frames.len());
         Self {
             folder,
@@ -57,64 +53,41 @@ impl Whole {
         }
     }
 
+    /// The recording that [`Whole::check`] damaged last.
+    fn damaged(&self) -> PathBuf {
+        self.folder.path().join("damaged.mcap")
+    }
+
     /// Checks `bad`, the recording with `hit` changed: every chunk outside is salvaged, and nothing
     /// is wrong.
     fn check(&self, bad: &[u8], hit: &Range<usize>, what: &str) -> Recovery {
         let missed = |range: &Range<usize>| range.end <= hit.start || hit.end <= range.start;
         let (recovery, saved) = recovered(self.folder.path(), bad);
         let recovery = recovery.unwrap_or_else(|error| panic!("{what}: {error}"));
-        assert!(!recovery.losses.is_empty(), "{what}: not a word");
-        let summary = summarize(&self.folder.path().join("damaged.mcap")).unwrap();
-        assert_eq!(
-            (&summary.losses, &summary.missing),
-            (&recovery.losses, &recovery.missing),
-            "{what}"
-        );
-        assert!(
-            summarize(&saved).unwrap().is_intact(),
-            "{what}: the saved file is damaged"
-        );
+        let losses = &recovery.losses;
+        assert!(!losses.is_empty(), "{what}: not a word");
+        let summary = summarize(&self.damaged()).unwrap();
+        assert_eq!(&summary.losses, losses, "{what}");
+        assert_eq!(summary.missing, recovery.missing, "{what}");
+        let is_intact = summarize(&saved).unwrap().is_intact();
+        assert!(is_intact, "{what}: the saved file is damaged");
         // Every command reports the same position for the same damage.
-        if let Some(error @ Error::Damaged { .. }) =
-            read(&self.folder.path().join("damaged.mcap")).1
-        {
-            let (error, first) = (error.to_string(), &recovery.losses[0]);
-            assert!(
-                error.contains(&first.to_string()),
-                "{what}: {error}, {first}"
-            );
-            assert!(error.contains("`svl recover "), "{what}: {error}");
+        if let Some(error @ Error::Damaged { .. }) = read(&self.damaged()).1 {
+            let error = format!("{what}: {error}");
+            error.says(&losses[0].to_string()).says("`svl recover ");
         }
         let (frames, error) = read(&saved);
         assert!(error.is_none() || frames.is_empty(), "{what}: {error:?}");
-        let mut originals = self.frames.iter();
-        assert!(
-            frames
-                .iter()
-                .all(|frame| originals.any(|original| original == frame)),
-            "{what}: a wrong pair"
-        );
+        assert!(are_of(&frames, &self.frames), "{what}: a wrong pair");
         for (i, (chunk, frame)) in self.chunks.iter().zip(&self.frames).enumerate() {
-            let losses = &recovery.losses;
-            assert!(
-                !missed(chunk) || frames.contains(frame),
-                "{what}: pair {i} at {chunk:?} is lost: {losses:?}"
-            );
+            let is_kept = !missed(chunk) || frames.contains(frame);
+            assert!(is_kept, "{what}: pair {i} at {chunk:?} is lost: {losses:?}");
         }
-        assert!(
-            !missed(&self.attachment) || recovery.attachments == 1,
-            "{what}: {:?}",
-            recovery.losses
-        );
-        let within = |end: u64| end <= bad.len() as u64;
-        assert!(
-            recovery
-                .losses
-                .iter()
-                .all(|loss| within(loss.at_byte + loss.bytes)),
-            "{what}: {:?}",
-            recovery.losses
-        );
+        let is_kept = !missed(&self.attachment) || recovery.attachments == 1;
+        assert!(is_kept, "{what}: {losses:?}");
+        let mut ends = losses.iter().map(|loss| loss.at_byte + loss.bytes);
+        let are_within = ends.all(|end| end <= bad.len() as u64);
+        assert!(are_within, "{what}: {losses:?}");
         recovery
     }
 }
@@ -125,34 +98,21 @@ fn any_bit_of_a_head_costs_no_more_than_its_record() {
     for (opcode, range) in records(&whole.bytes) {
         // Sample of a chunk: its head up to its data. Message indexes and the summary are as large
         // as all the rest: a sample of them.
-        let step = if matches!(opcode, 7..=8 | 10..=14) {
-            5
-        } else {
-            1
-        };
-        let step = crate::common::step(step);
+        let is_sampled = matches!(opcode, 7..=8 | 10..=14);
+        let step = crate::common::step(if is_sampled { 5 } else { 1 });
         for at in (range.start..range.end.min(range.start + 55)).step_by(step) {
             let mut bad = whole.bytes.clone();
-            bad[at] ^= 1 << ((at / step) % 8);
-            whole.check(
-                &bad,
-                &(at..at + 1),
-                &format!("bit {} of byte {at}, record {opcode:#x}", (at / step) % 8),
-            );
+            let bit = (at / step) % 8;
+            bad[at] ^= 1 << bit;
+            let what = format!("bit {bit} of byte {at}, record {opcode:#x}");
+            whole.check(&bad, &(at..at + 1), &what);
         }
-        for bit in 0..64 {
+        for bit in (0..64).filter(|bit| opcode == 6 || bit % 11 == 0) {
             let mut bad = whole.bytes.clone();
             bad[range.start + 1 + bit / 8] ^= 1 << (bit % 8);
-            if opcode == 6 || bit % 11 == 0 {
-                whole.check(
-                    &bad,
-                    &range,
-                    &format!(
-                        "bit {bit} of the length of record {opcode:#x} at {}",
-                        range.start
-                    ),
-                );
-            }
+            let at = range.start;
+            let what = format!("bit {bit} of the length of record {opcode:#x} at {at}");
+            whole.check(&bad, &range, &what);
         }
     }
 }
@@ -203,16 +163,12 @@ fn losses_say_where_they_are() {
     let [loss] = &recovery.losses[..] else {
         panic!("{:?}", recovery.losses)
     };
-    assert_eq!(
-        (loss.at_byte, loss.at_byte + loss.bytes),
-        (chunk.start as u64, next.start as u64)
-    );
+    let found = (loss.at_byte, loss.at_byte + loss.bytes);
+    assert_eq!(found, (chunk.start as u64, next.start as u64));
     assert_eq!((recovery.pairs, recovery.missing["/stereo/sync"]), (5, 1));
-    let (pairs, error) = read(&whole.folder.path().join("damaged.mcap"));
-    assert!(
-        pairs.len() == 2 && matches!(error, Some(Error::Damaged { .. })),
-        "replay ends there: {error:?}"
-    );
+    let (pairs, error) = read(&whole.damaged());
+    assert_eq!(pairs.len(), 2, "replay ends there: {error:?}");
+    assert!(matches!(error, Some(Error::Damaged { .. })), "{error:?}");
 }
 
 #[test]
@@ -222,17 +178,13 @@ fn a_recording_is_known_without_its_first_bytes() {
         let mut bad = whole.bytes.clone();
         bad[hit.clone()].fill(0);
         let recovery = whole.check(&bad, &hit, &format!("{hit:?} zeroed"));
-        assert!(
-            recovery.losses[0]
-                .reason
-                .contains("does not begin as an MCAP file does"),
-            "{:?}",
-            recovery.losses
-        );
-        assert_eq!((recovery.losses[0].at_byte, recovery.pairs), (0, 6));
+        let first = &recovery.losses[0];
+        let words = "does not begin as an MCAP file does";
+        first.reason.as_str().says(words);
+        assert_eq!((first.at_byte, recovery.pairs), (0, 6));
     }
     let (none, _) = recovered(whole.folder.path(), &vec![6; 100_000]);
-    assert_says(&none.unwrap_err().to_string(), &["is not an MCAP file"]);
+    none.unwrap_err().says("is not an MCAP file");
 }
 
 #[test]
@@ -246,6 +198,7 @@ fn files_one_behind_the_other_are_all_read() {
     let (first_frames, second_frames) = (bare_frames(0..3), bare_frames(10..14));
     let (first, second) = (&written(&first_frames)[..], &written(&second_frames)[..]);
     let cut = &first[..first.len() - 100];
+    let path = folder.path().join("damaged.mcap");
     for (first, says) in [
         (first, "another MCAP file follows"),
         (cut, "it is truncated, and another MCAP file follows"),
@@ -253,42 +206,22 @@ fn files_one_behind_the_other_are_all_read() {
         let both = [first, second].concat();
         let (recovery, saved) = recovered(folder.path(), &both);
         let recovery = recovery.unwrap();
-        assert!(
-            recovery.losses.iter().any(|loss| loss.reason == says),
-            "{:?}",
-            recovery.losses
-        );
-        assert!(
-            recovery.missing.is_empty() && recovery.pairs == 7 && recovery.checksums,
-            "{recovery:?}"
-        );
-        assert!(
-            read(&saved)
-                .0
-                .iter()
-                .eq(first_frames.iter().chain(&second_frames))
-        );
-        let path = folder.path().join("damaged.mcap");
+        let is_named = recovery.losses.iter().any(|loss| loss.reason == says);
+        assert!(is_named, "{:?}", recovery.losses);
+        assert!(recovery.missing.is_empty() && recovery.checksums);
+        assert_eq!(recovery.pairs, 7, "{recovery:?}");
+        let all = [&first_frames[..], &second_frames].concat();
+        assert!(read(&saved).0 == all);
         let summary = summarize(&path).unwrap();
-        assert_eq!(
-            (summary.pairs, summary.gaps.len(), &summary.losses),
-            (7, 1, &recovery.losses)
-        );
+        assert_eq!((summary.pairs, summary.gaps.len()), (7, 1));
+        assert_eq!(summary.losses, recovery.losses);
         let (frames, error) = read(&path);
         assert_eq!(frames, first_frames, "replay ends where the first does");
         assert!(matches!(error, Some(Error::Damaged { .. })), "{error:?}");
     }
     let (recovery, _) = recovered(folder.path(), &[second, second].concat());
-    assert_eq!(
-        (
-            recovery.unwrap().pairs,
-            summarize(&folder.path().join("damaged.mcap"))
-                .unwrap()
-                .gaps
-                .len()
-        ),
-        (8, 0)
-    );
+    let gaps = summarize(&path).unwrap().gaps.len();
+    assert_eq!((recovery.unwrap().pairs, gaps), (8, 0));
 }
 
 #[test]
@@ -301,32 +234,15 @@ fn false_records_are_skipped_quickly() {
     let mut hostile = bytes[..bytes.len() - 8].to_vec();
     while hostile.len() < length {
         let left = (length + 100 - hostile.len()) as u64;
-        hostile.extend(
-            [
-                &[6][..],
-                &left.to_le_bytes(),
-                &[0; 16],
-                &(2_u64 << 30).to_le_bytes(),
-                &[1; 4],
-            ]
-            .concat(),
-        );
-        hostile.extend(
-            [
-                &4_u32.to_le_bytes()[..],
-                b"zstd",
-                &(left - 44).to_le_bytes(),
-            ]
-            .concat(),
-        );
+        let (size, packed) = ((2_u64 << 30).to_le_bytes(), (left - 44).to_le_bytes());
+        hostile.push(6);
+        hostile.extend([&left.to_le_bytes()[..], &[0; 16], &size, &[1; 4]].concat());
+        hostile.extend([&4_u32.to_le_bytes()[..], b"zstd", &packed].concat());
     }
     hostile.resize(length + 200, 0);
     // Records of other programs' own kinds, each containing a whole chunk, up to the end of the
     // file.
-    let (_, chunk) = records(&bytes)
-        .into_iter()
-        .find(|(opcode, _)| *opcode == 6)
-        .unwrap();
+    let chunk = chunks(&bytes).swap_remove(0);
     let mut nested = bytes[..chunk.start].to_vec();
     while nested.len() < length {
         let left = (length + 10_000 - nested.len()) as u64;
@@ -338,11 +254,8 @@ fn false_records_are_skipped_quickly() {
         let began = Instant::now();
         let saved = folder.path().join("saved.mcap");
         let _ = std::fs::remove_file(&saved);
-        let _ = (
-            recover(&path, &saved),
-            summarize(&path),
-            Reader::open(&path).map(drop),
-        );
+        drop((recover(&path, &saved), summarize(&path)));
+        drop(Reader::open(&path));
         let took = began.elapsed();
         println!("{took:?}");
         assert!(took < Duration::from_secs(60), "{took:?}");

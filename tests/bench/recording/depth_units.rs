@@ -1,7 +1,8 @@
 //! Depths of topics in another unit, with distortion or without a depth: as truth and as a map.
 
-use super::bag::{self, Camera, Message, camera_info_of, ros_image_in};
-use super::calibration_checks::{arena, infos, messages};
+use super::bag::{Bag, Camera, Message, camera_info_of, float_image, ros_image_in};
+use super::calibration_checks::{ARENA, arena, messages, stamp};
+use super::says::Says;
 use crate::cli::fixture::Fixture;
 use svl::stereo::{Frame, Plane};
 
@@ -17,31 +18,29 @@ fn depths(frame: &Frame) -> Plane<f32> {
     .unwrap()
 }
 
-/// A bag of these depths on a topic.
-fn write(fixture: &Fixture, frames: &[Frame], topic: &'static str, scaled: &dyn Fn(f32) -> f32) {
-    let mut all = messages(frames, infos());
-    all.extend(depth_messages(frames, topic, scaled));
-    bag::write(&fixture.path(""), &all);
+/// The pairs of these frames, and their depths on a topic.
+fn bag_of(frames: &[Frame], topic: &'static str, scaled: Change<'_>) -> Bag {
+    Bag(messages(frames, ARENA)).and(depth_messages(frames, topic, scaled))
 }
 
 /// Depths on a topic: as 16 bits if it is named so, else as floats.
 pub(super) fn depth_messages(
     frames: &[Frame],
     topic: &'static str,
-    scaled: &dyn Fn(f32) -> f32,
+    scaled: Change<'_>,
 ) -> Vec<Message> {
-    let is_short = topic.contains("16");
-    let bytes = |z: f32| match is_short {
-        true => (z as u16).to_le_bytes().to_vec(),
-        false => z.to_le_bytes().to_vec(),
+    let message = |(i, frame): (u64, &Frame)| {
+        let depths = depths(frame).map(scaled);
+        if !topic.contains("16") {
+            return float_image("cam0", topic, stamp(i), &depths);
+        }
+        let bytes: Vec<u8> = depths
+            .pixels()
+            .flat_map(|z| (z as u16).to_le_bytes())
+            .collect();
+        ros_image_in("cam0", topic, stamp(i), depths.size(), ("16UC1", &bytes))
     };
-    let encoding = if is_short { "16UC1" } else { "32FC1" };
-    let message = |(i, frame): (usize, &Frame)| {
-        let bytes: Vec<u8> = depths(frame).map(scaled).pixels().flat_map(bytes).collect();
-        let stamp = (i as u64 + 1) * 100_000_000;
-        ros_image_in("cam0", topic, stamp, (320, 240), (encoding, &bytes))
-    };
-    frames.iter().enumerate().map(message).collect()
+    (0..).zip(frames).map(message).collect()
 }
 
 /// The change of a depth.
@@ -49,59 +48,50 @@ type Change<'a> = &'a dyn Fn(f32) -> f32;
 
 /// All that a score says, in one line.
 fn said(fixture: &Fixture, options: &str) -> String {
-    let ran = fixture.svl(&format!("score bag.mcap {options} --rerun none -o r"));
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let ran = fixture
+        .svl(&format!("score bag.mcap {options} --rerun none -o r"))
+        .exits(0);
     std::fs::remove_dir_all(fixture.path("r")).unwrap();
-    let said = ran.stdout + &ran.stderr;
-    said.split_whitespace().collect::<Vec<_>>().join(" ")
+    ran.line()
 }
 
 #[test]
 fn a_map_and_a_truth_of_another_unit_are_told_apart() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
-    let maps: [(&str, Change<'_>); 4] = [
-        ("", &|z| z),
+    // What is said of a map, and of a truth.
+    let cases: [(&str, &str, Change<'_>); 4] = [
+        ("", "", &|z| z),
         (
             "its distances are 1000 times those of the truth and of the matchers",
+            "its distances are 1000 times those of every algorithm",
             &|z| 1000.0 * z,
         ),
         (
             "its distances are 2 times those of the truth and of the matchers",
+            "its distances are 2 times those of every algorithm",
             &|z| 2.0 * z,
         ),
-        ("its distances are proportional to disparities", &|z| {
-            14.432 / z
-        }),
+        (
+            "its distances are proportional to disparities",
+            "likely disparities, which a topic has as stereo_msgs/DisparityImage",
+            &|z| 14.432 / z,
+        ),
     ];
-    let as_truth = [
-        "",
-        "its distances are 1000 times those of every algorithm",
-        "its distances are 2 times those of every algorithm",
-        "likely disparities, which a topic has as stereo_msgs/DisparityImage",
-    ];
-    for ((words, scaled), truth_words) in maps.into_iter().zip(as_truth) {
+    for (words, truth_words, scaled) in cases {
+        let is_named = !words.is_empty();
         // One depth is right and is the truth, the other is the map; then the reverse.
-        write(&fixture, &frames, "/depth", scaled);
-        let line = said(&fixture, "--algo v5 --truth /depth");
-        assert_eq!(
-            line.contains("the truth is doubtful"),
-            !words.is_empty(),
-            "{line}"
-        );
-        assert!(line.contains(truth_words), "{line}");
-        let map = "--algo v5 --algo z=topic:/depth --truth /right";
-        let mut all = messages(&frames, infos());
-        all.extend(depth_messages(&frames, "/depth", scaled));
-        all.extend(depth_messages(&frames, "/right", &|z| z));
-        bag::write(&fixture.path(""), &all);
-        let line = said(&fixture, map);
-        let named = line.contains("the map of z is doubtful");
-        assert_eq!(named, !words.is_empty(), "{line}");
-        assert!(
-            line.contains(words) && !line.contains("the truth is doubtful"),
-            "{line}"
-        );
+        let bag = bag_of(&frames, "/depth", scaled);
+        bag.write(&fixture);
+        said(&fixture, "--algo v5 --truth /depth")
+            .says_if(is_named, "the truth is doubtful")
+            .says(truth_words);
+        bag.and(depth_messages(&frames, "/right", &|z| z))
+            .write(&fixture);
+        said(&fixture, "--algo v5 --algo z=topic:/depth --truth /right")
+            .says_if(is_named, "the map of z is doubtful")
+            .says(words)
+            .lacks("the truth is doubtful");
     }
 }
 
@@ -109,30 +99,30 @@ fn a_map_and_a_truth_of_another_unit_are_told_apart() {
 fn values_that_are_no_depths_are_named() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
+    let largest = |m: f32| format!("have the largest depth, {m} m, which likely stands for none");
+    let [ten, most] = [10.0, 65.535].map(largest);
+    let to_ten: Change<'_> = &|z| if z > 1.0 { 10.0 } else { z };
+    let to_most: Change<'_> = &|z| if z > 1.0 { 65535.0 } else { 1000.0 * z };
     let cases: [(&str, &str, Change<'_>); 5] = [
-        (
-            "/depth",
-            "have the largest depth, 10 m, which likely stands for none",
-            &|z| if z > 1.0 { 10.0 } else { z },
-        ),
-        (
-            "/depth16",
-            "have the largest depth, 65.535 m, which likely stands for none",
-            &|z| {
-                if z > 1.0 { 65535.0 } else { 1000.0 * z }
-            },
-        ),
+        ("/depth", &ten, to_ten),
+        ("/depth16", &most, to_most),
         ("/depth16", "", &|z| (1000.0 * z).min(60_000.0)),
         ("/range_image", "is named a range image", &|z| z),
         ("/arrange", "", &|z| z),
     ];
     for (topic, words, scaled) in cases {
-        write(&fixture, &frames, topic, scaled);
-        let line = said(&fixture, &format!("--algo v3 --truth {topic}"));
-        let is_named = line.contains(" WARN /");
-        assert_eq!(is_named, !words.is_empty(), "{line}");
-        assert!(line.contains(words), "{line}");
+        bag_of(&frames, topic, scaled).write(&fixture);
+        said(&fixture, &format!("--algo v3 --truth {topic}"))
+            .says_if(!words.is_empty(), " WARN /")
+            .says(words);
     }
+}
+
+/// Depths on `/z/image`, with this calibration.
+fn calibrated(frames: &[Frame], camera: &Camera<'_>) -> Bag {
+    let info = |i| camera_info_of("/z/camera_info", stamp(i), camera);
+    let infos = (0..frames.len() as u64).map(info);
+    bag_of(frames, "/z/image", &|z| z).and(infos)
 }
 
 /// The camera of depths has the K of images of twice the size.
@@ -141,20 +131,15 @@ fn the_calibration_of_a_depth_camera_is_checked() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
     let says = |factor: f64| {
-        let mut all = messages(&frames, infos());
-        all.extend(depth_messages(&frames, "/z/image", &|z| z));
-        let mut camera = infos()[0];
+        let mut camera = ARENA.cameras[0];
         camera.k[1..]
             .iter_mut()
             .for_each(|center| *center *= factor);
-        let stamps = (1..=frames.len() as u64).map(|i| i * 100_000_000);
-        all.extend(stamps.map(|stamp| camera_info_of("/z/camera_info", stamp, &camera)));
-        bag::write(&fixture.path(""), &all);
+        calibrated(&frames, &camera).write(&fixture);
         said(&fixture, "--algo v3 --truth /z/image")
     };
-    let words = "/z/image: the principal point (319, 239) of the depth camera is far from";
-    assert!(says(2.0).contains(words), "{}", says(2.0));
-    assert!(!says(1.0).contains("depth camera"), "{}", says(1.0));
+    says(2.0).says("/z/image: the principal point (319, 239) of the depth camera is far from");
+    says(1.0).lacks("depth camera");
 }
 
 /// A depth camera with nearly the left camera's K: its distortion moves its pixels.
@@ -162,19 +147,13 @@ fn the_calibration_of_a_depth_camera_is_checked() {
 fn the_distortion_of_a_depth_camera_is_used() {
     let fixture = Fixture::new();
     let frames = arena(&fixture);
-    let pixels = |distortion: f64| {
-        let mut all = messages(&frames, infos());
-        all.extend(depth_messages(&frames, "/z/image", &|z| z));
-        let camera = Camera {
-            d: &[distortion, 0.0, 0.0, 0.0, 0.0],
-            ..infos()[0]
-        };
-        let stamps = (1..=frames.len() as u64).map(|i| i * 100_000_000);
-        all.extend(stamps.map(|stamp| camera_info_of("/z/camera_info", stamp, &camera)));
-        bag::write(&fixture.path(""), &all);
-        fixture.json("info bag.mcap --json")["first_pairs"]["truths"].take()
-    };
-    let [plain, distorted] = [0.0, -0.3].map(pixels);
+    let [plain, distorted] = [0.0, -0.3].map(|distortion| {
+        let mut camera = ARENA.cameras[0];
+        let d = [distortion, 0.0, 0.0, 0.0, 0.0];
+        camera.d = &d;
+        calibrated(&frames, &camera).write(&fixture);
+        fixture.first_pairs("")["truths"].take()
+    });
     assert!(plain[0]["scored_cells"].as_u64() > Some(0), "{plain}");
     assert_ne!(plain[0]["disparity_px"], distorted[0]["disparity_px"]);
 }

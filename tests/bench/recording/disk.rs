@@ -1,7 +1,7 @@
 //! Full, vanished and read-only folders; recordings that must not be overwritten.
 
 use super::frames::{full, one_line, read};
-use crate::common::assert_says;
+use super::says::Says;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl::Error;
@@ -61,10 +61,7 @@ fn synced_pairs_survive_the_writer() {
     std::mem::forget(writer);
     let (frames, error) = read(&path);
     assert_eq!(frames.len(), 3);
-    assert_says(
-        &error.unwrap().to_string(),
-        &["never finished; intact pairs read: 3"],
-    );
+    error.unwrap().says("never finished; intact pairs read: 3");
 }
 
 #[test]
@@ -88,13 +85,11 @@ struct Mount(PathBuf);
 
 impl Mount {
     fn new(folder: &Path, options: &str) -> Option<Self> {
-        let mounted = Command::new("mount")
-            .args(["-t", "tmpfs", "-o", options, "tmpfs"])
-            .arg(folder)
-            .output();
-        mounted
-            .is_ok_and(|output| output.status.success())
-            .then(|| Self(folder.to_owned()))
+        let mut mount = Command::new("mount");
+        mount.args(["-t", "tmpfs", "-o", options, "tmpfs"]);
+        let mounted = mount.arg(folder).output();
+        let is_mounted = mounted.is_ok_and(|output| output.status.success());
+        is_mounted.then(|| Self(folder.to_owned()))
     }
 }
 
@@ -121,16 +116,10 @@ fn a_full_disk_keeps_what_was_written() {
     drop(writer);
     let (frames, error) = read(&path);
     assert!(frames.len() > 10, "{} pairs survived", frames.len());
-    assert!(
-        error.unwrap().to_string().contains("never finished"),
-        "what did not fit whole is cut off"
-    );
-    assert!(
-        frames
-            .iter()
-            .enumerate()
-            .all(|(i, frame)| frame.pair == full(i as u64, SIZE).pair)
-    );
+    // What did not fit whole is cut off.
+    error.unwrap().says("never finished");
+    let mut numbered = (0..).zip(&frames);
+    assert!(numbered.all(|(i, frame)| frame.pair == full(i, SIZE).pair));
 }
 
 #[test]

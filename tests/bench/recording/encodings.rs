@@ -1,7 +1,7 @@
 //! Images of every pixel encoding equal what OpenCV or numpy makes of them, pixel by pixel, as
 //! pairs and as truth: `tests/python/image_encodings.py` writes the bags and computes the pixels.
 
-use super::sensor;
+use super::bag::{FB, open};
 use crate::common::python;
 use serde_json::Value;
 use std::path::Path;
@@ -40,11 +40,8 @@ fn check_pair(name: &str, frame: &Frame, expected: &Value) {
         assert_eq!(image.size(), SIZE, "{name}");
         let [grey, rgb] = [0, 1].map(|i| &expected[side][i]);
         for (at, expected) in placed(grey, SIZE.0).filter(|(at, _)| is_compared(name, *at)) {
-            assert_eq!(
-                f64::from(image.get(at.0, at.1)),
-                expected,
-                "{name} at {at:?}"
-            );
+            let found = f64::from(image.get(at.0, at.1));
+            assert_eq!(found, expected, "{name} at {at:?}");
         }
         let color = frame.color.as_ref().map(|colors| &colors[side]);
         assert_eq!(color.is_some(), !rgb.is_null(), "{name}");
@@ -52,26 +49,22 @@ fn check_pair(name: &str, frame: &Frame, expected: &Value) {
         for ((x, y), expected) in placed(rgb, 3 * SIZE.0) {
             let at = (x / 3, y);
             let found = color.get(at.0, at.1)[x % 3];
-            assert!(
-                !is_compared(name, at) || f64::from(found) == expected,
-                "{name} at {at:?}: {found}, {expected}"
-            );
+            let is_right = !is_compared(name, at) || f64::from(found) == expected;
+            assert!(is_right, "{name} at {at:?}: {found}, {expected}");
         }
     }
 }
 
 fn check_truth(bag: &Path, topic: &str, expected: &Value) {
-    let mut source = sensor::open(bag, topic).unwrap().source;
+    let mut source = open(bag, topic).unwrap().source;
     let frame = source.next().unwrap().unwrap();
     let truth = frame.truth.expect(topic).disparity;
     for ((x, y), metres) in placed(expected, SIZE.0) {
         let found = f64::from(truth.get(x, y));
-        let depth = sensor::FB / found;
+        let depth = FB / found;
         assert_eq!(found.is_finite(), metres > 0.0, "{topic} at {x}, {y}");
-        assert!(
-            found.is_infinite() || (depth / metres - 1.0).abs() < 1e-6,
-            "{topic} at {x}, {y}: {depth} m, {metres} m"
-        );
+        let is_right = found.is_infinite() || (depth / metres - 1.0).abs() < 1e-6;
+        assert!(is_right, "{topic} at {x}, {y}: {depth} m, {metres} m");
     }
 }
 
@@ -94,11 +87,7 @@ fn every_encoding_is_read_as_opencv_and_numpy_do() {
     for (topic, expected) in depths {
         check_truth(&folder.path().join("depths"), topic, expected);
     }
-    let topics = Reader::open(folder.path().join("depths")).unwrap();
-    assert_eq!(
-        truth_topics(topics.recording(), &topics.facts().topics)
-            .unwrap()
-            .len(),
-        depths.len()
-    );
+    let reader = Reader::open(folder.path().join("depths")).unwrap();
+    let topics = truth_topics(reader.recording(), &reader.facts().topics);
+    assert_eq!(topics.unwrap().len(), depths.len());
 }

@@ -1,61 +1,38 @@
 //! Floor in the truth of other programs' recordings: by base_footprint, by the surfaces that a bag
 //! of svl's has, by the height of a level camera.
 
-use super::bag::{self, Message, ros_image};
-use super::frames::{PERIOD_NS, START_NS};
-use super::sensor::{FB, SIZE, cloud, depth32, pairs};
+use super::bag::{
+    Bag, FB, Link, Message, OPTICAL, PARALLEL, SIZE, all_frames, cloud, depth32, open_with,
+    ros_image, transforms,
+};
+use super::frames::stamp;
+use super::says::Says;
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::path::Path;
 use svl::scenario::SourceOptions;
-use svl::source::{Request, open_recording};
 use svl::stereo::{Frame, Surface};
 
-/// From the axes of a robot (x forward, z up) to those of a camera, as x, y, z, w.
-const OPTICAL: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
-/// The inverse.
+/// The inverse of [`OPTICAL`].
 const LEVEL: [f64; 4] = [0.5, -0.5, 0.5, 0.5];
 
-/// A message on /tf_static: parent, child, translation, rotation as x, y, z, w.
-fn tf(links: &[(&str, &str, [f64; 3], [f64; 4])]) -> Message {
-    let mut data = vec![0, 1, 0, 0];
-    let mut cdr = re_cdr::CdrWriter::<re_cdr::LittleEndian>::new(&mut data);
-    cdr.write_sequence_length(links.len());
-    for (parent, child, translation, rotation) in links {
-        cdr.write_u32(0);
-        cdr.write_u32(0);
-        cdr.write_string(parent);
-        cdr.write_string(child);
-        let numbers = translation.iter().chain(rotation);
-        numbers.for_each(|&v| cdr.write_f64(v));
-    }
-    Message {
-        topic: "/tf_static",
-        schema: "tf2_msgs/msg/TFMessage",
-        encoding: "cdr",
-        log_time: START_NS,
-        data,
-    }
-}
-
-/// The frames of a bag of the two pairs and these messages, with the truth of a topic.
+/// The frames of a bag of two pairs and these messages, with the truth of a topic.
 fn frames(
     messages: impl IntoIterator<Item = Message>,
     topic: &str,
     camera_height_m: Option<f64>,
 ) -> svl::Result<Vec<Frame>> {
-    let folder = tempfile::tempdir().unwrap();
-    let messages: Vec<_> = pairs().into_iter().chain(messages).collect();
-    let path = bag::write(folder.path(), &messages);
-    let mut source = open_recording(&Request {
-        options: SourceOptions {
-            truth: Some(topic.to_owned()),
-            camera_height_m,
-            ..SourceOptions::default()
-        },
-        ..Request::new(Path::new(&path).to_str().unwrap())
-    })?
-    .source;
-    std::iter::from_fn(|| source.next().transpose()).collect()
+    let options = SourceOptions {
+        truth: Some(topic.to_owned()),
+        camera_height_m,
+        ..SourceOptions::default()
+    };
+    let saved = Bag::pairs(2).and(messages).saved();
+    let (frames, _) = open_with(&saved, options).and_then(all_frames)?;
+    Ok(frames)
+}
+
+/// Static transforms.
+fn tf(links: &[Link<'_>]) -> Message {
+    transforms("/tf_static", 0, links)
 }
 
 /// Depth images of a floor 0.5 m below a level camera, from row 9 on, and of a wall above it.
@@ -95,51 +72,39 @@ fn floor_rows(frames: &[Frame]) -> Option<Vec<usize>> {
     Some((0..surfaces.height()).filter(is_floor).collect())
 }
 
+/// [`floor_rows`] of a camera of that height, and with these static transforms.
+fn floor_of(camera_height_m: Option<f64>, links: &[Link<'_>]) -> svl::Result<Option<Vec<usize>>> {
+    let messages = floor_and_wall().into_iter().chain([tf(links)]);
+    let frames = frames(messages, "/depth", camera_height_m)?;
+    Ok(floor_rows(&frames))
+}
+
 #[test]
 fn a_frame_on_the_floor_is_found_in_either_direction() {
     let below: Vec<_> = (9..SIZE.1).collect();
-    let rows = |links: &[(&str, &str, [f64; 3], [f64; 4])]| {
-        let messages = floor_and_wall().into_iter().chain([tf(links)]);
-        floor_rows(&frames(messages, "/depth", None).unwrap())
-    };
+    let rows = |links: &[Link<'_>]| floor_of(None, links).unwrap();
     // The camera above the footprint, and the footprint below the camera.
     let above = ("base_footprint", "cam", [0.0, 0.0, 0.5], OPTICAL);
     let under = ("cam", "base_footprint", [0.0, 0.5, 0.0], LEVEL);
     assert_eq!(rows(&[above]), Some(below.clone()));
     assert_eq!(rows(&[under]), Some(below.clone()));
     // By frames between them, and not straight below the camera.
-    let mast = (
-        "base_footprint",
-        "mast",
-        [-0.2, 0.4, 0.2],
-        [0.0, 0.0, 0.0, 1.0],
-    );
+    let mast = ("base_footprint", "mast", [-0.2, 0.4, 0.2], PARALLEL);
     let on_mast = ("mast", "cam", [0.5, 0.0, 0.3], OPTICAL);
     assert_eq!(rows(&[mast, on_mast]), Some(below));
     // A frame that is tilted by 90 degrees is a plane elsewhere: what is behind it is not floor.
-    let tilted = (
-        "base_footprint",
-        "cam",
-        [0.0, 0.0, 0.5],
-        [0.0, 0.0, 0.0, 1.0],
-    );
+    let tilted = ("base_footprint", "cam", [0.0, 0.0, 0.5], PARALLEL);
     assert_eq!(rows(&[tilted]), Some(Vec::new()));
     let rolled = [0.0, 0.0, FRAC_1_SQRT_2, FRAC_1_SQRT_2];
-    assert_eq!(
-        rows(&[("cam", "base_footprint", [0.0, 0.5, 0.0], rolled)]),
-        None
-    );
-    // On the floor, or below it, there is no camera.
-    for height_m in [0.0, -0.5] {
-        assert_eq!(
-            rows(&[("base_footprint", "cam", [0.0, 0.0, height_m], OPTICAL)]),
-            None
-        );
+    for link in [
+        ("cam", "base_footprint", [0.0, 0.5, 0.0], rolled),
+        // On the floor, or below it, there is no camera.
+        ("base_footprint", "cam", [0.0; 3], OPTICAL),
+        ("base_footprint", "cam", [0.0, 0.0, -0.5], OPTICAL),
+        ("base_link", "cam", [0.0, 0.0, 0.5], OPTICAL),
+    ] {
+        assert_eq!(rows(&[link]), None, "{link:?}");
     }
-    assert_eq!(
-        rows(&[("base_link", "cam", [0.0, 0.0, 0.5], OPTICAL)]),
-        None
-    );
 }
 
 #[test]
@@ -152,7 +117,7 @@ fn points_are_floor_before_any_quantile() {
             [-0.4, 0.44, 28.864],
             [0.0, 0.0, 2.0],
         ];
-        cloud("cam", START_NS + i * PERIOD_NS, &points)
+        cloud("cam", stamp(i), &points)
     };
     let under = tf(&[("cam", "base_footprint", [0.0, 0.5, 0.0], LEVEL)]);
     let found = frames([cloud(0), cloud(1), under], "/points", None).unwrap();
@@ -167,41 +132,27 @@ fn points_are_floor_before_any_quantile() {
 
 #[test]
 fn a_named_height_is_that_of_a_level_camera() {
-    let rows = |camera_height_m, links: &[(&str, &str, [f64; 3], [f64; 4])]| {
-        let messages = floor_and_wall().into_iter().chain([tf(links)]);
-        frames(messages, "/depth", camera_height_m).map(|frames| floor_rows(&frames))
-    };
     let below: Vec<_> = (9..SIZE.1).collect();
-    assert_eq!(rows(Some(0.5), &[]).unwrap(), Some(below));
-    // One that the truth denies: its largest level surface is 0.5 m below.
-    assert_eq!(rows(Some(3.0), &[]).unwrap(), None);
-    assert_eq!(rows(Some(0.54), &[]).unwrap(), Some((9..SIZE.1).collect()));
-    // It takes the place of a frame on the floor.
     let above = ("base_footprint", "cam", [0.0, 0.0, 0.5], OPTICAL);
-    assert_eq!(rows(Some(3.0), &[above]).unwrap(), None);
-    let refused = rows(Some(0.0), &[]).unwrap_err().to_string();
-    assert!(
-        refused.contains("--camera-height: 0.01 to 100"),
-        "{refused}"
-    );
+    for (height_m, links, expected) in [
+        (0.5, &[][..], Some(below.clone())),
+        // One that the truth denies: its largest level surface is 0.5 m below.
+        (3.0, &[], None),
+        (0.54, &[], Some(below)),
+        // It takes the place of a frame on the floor.
+        (3.0, &[above], None),
+    ] {
+        assert_eq!(floor_of(Some(height_m), links).unwrap(), expected);
+    }
+    let refused = floor_of(Some(0.0), &[]).unwrap_err();
+    refused.says("--camera-height: 0.01 to 100");
 }
 
 #[test]
 fn surfaces_of_the_same_pixels_are_taken() {
-    let codes: Vec<u8> = (0..SIZE.0 * SIZE.1)
-        .map(|i| if i % 2 == 0 { 64 } else { 192 })
-        .collect();
     let surfaces = |size: (usize, usize)| {
-        let codes = &codes[..size.0 * size.1];
-        [0, 1].map(|i| {
-            ros_image(
-                "/truth/surface",
-                START_NS + i * PERIOD_NS,
-                size,
-                "mono8",
-                codes,
-            )
-        })
+        let codes = [64, 192].repeat(size.0 * size.1 / 2);
+        [0, 1].map(|i| ros_image("/truth/surface", stamp(i), size, "mono8", &codes))
     };
     let count = |size| {
         let messages = floor_and_wall().into_iter().chain(surfaces(size));

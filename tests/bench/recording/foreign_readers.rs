@@ -34,13 +34,10 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
             .filter_map(|d| rig.depth_m(d.into()))
             .filter(|z| *z > 0.0)
             .sum(),
-        "/truth/visibility" => pixel_sum(
-            &truth
-                .visibility
-                .as_ref()
-                .unwrap()
-                .map(|v: Visibility| v as u8),
-        ),
+        "/truth/visibility" => {
+            let visibility = truth.visibility.as_ref().unwrap();
+            pixel_sum(&visibility.map(|v: Visibility| v as u8))
+        }
         "/truth/surface" => {
             let surface = truth.surface.as_ref().unwrap();
             pixel_sum(&surface.map(|s: Surface| s as u8))
@@ -59,14 +56,11 @@ fn read_by(
 ) -> Option<serde_json::Value> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    let header = Header {
-        seed: Some(7),
-        ..Header::new("arena")
-    };
+    let mut header = Header::new("arena");
+    header.seed = Some(7);
     let mut writer = Writer::create(&path, &header, format).unwrap();
-    writer
-        .attach("scenario.toml", "application/toml", b"seed = 7")
-        .unwrap();
+    let (media, text) = ("application/toml", b"seed = 7");
+    writer.attach("scenario.toml", media, text).unwrap();
     frames.iter().for_each(|frame| writer.write(frame).unwrap());
     writer.finish().unwrap();
     let printed = python(script, modules, [&path])?;
@@ -80,49 +74,34 @@ fn compare(found: &serde_json::Value, frames: &[Frame], topics: usize) {
     for (topic, found) in found {
         let sum: f64 = frames.iter().map(|frame| expected(topic, frame)).sum();
         let error = (found[1].as_f64().unwrap() - sum).abs();
-        assert!(
-            error <= 1e-6 * sum.abs(),
-            "{topic}: {found} found, {sum} written"
-        );
+        let is_equal = error <= 1e-6 * sum.abs();
+        assert!(is_equal, "{topic}: {found} found, {sum} written");
         assert_eq!(found[0], FRAMES, "{topic}");
     }
 }
 
-fn check(images: ImageFormat) {
+#[test]
+fn python_reads_raw_and_compressed_recordings() {
     let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
     let modules = "mcap, mcap_protobuf, mcap_ros2, numpy, PIL";
-    let Some(found) = read_by("read_recording.py", modules, &frames, images.into()) else {
-        return;
-    };
-    assert_eq!(found["metadata"]["svl"]["seed"], "7");
-    assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
-    compare(&found, &frames, 10);
-}
-
-#[test]
-fn python_reads_raw_recordings() {
-    check(ImageFormat::Raw);
-}
-
-#[test]
-fn python_reads_compressed_recordings() {
-    check(ImageFormat::Png);
+    for images in [ImageFormat::Raw, ImageFormat::Png] {
+        let Some(found) = read_by("read_recording.py", modules, &frames, images.into()) else {
+            return;
+        };
+        assert_eq!(found["metadata"]["svl"]["seed"], "7");
+        assert_eq!(found["attachments"]["scenario.toml"], "seed = 7");
+        compare(&found, &frames, 10);
+    }
 }
 
 #[test]
 fn rosbags_reads_a_ros_2_bag() {
     let frames: Vec<_> = (0..FRAMES).map(|i| full(i, SIZE)).collect();
+    let modules = "mcap_ros2, numpy, PIL, rosbags";
+    let dialect = Dialect::Ros2;
     for images in [ImageFormat::Raw, ImageFormat::Png] {
-        let format = RecordingFormat {
-            dialect: Dialect::Ros2,
-            images,
-        };
-        let Some(found) = read_by(
-            "read_bag.py",
-            "mcap_ros2, numpy, PIL, rosbags",
-            &frames,
-            format,
-        ) else {
+        let format = RecordingFormat { dialect, images };
+        let Some(found) = read_by("read_bag.py", modules, &frames, format) else {
             return;
         };
         compare(&found, &frames, 9);

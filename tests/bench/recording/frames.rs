@@ -43,6 +43,7 @@ pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
 
 /// Pair number `i` with rig, pose, truth and exposure.
 pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
+    let place = nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3);
     let turn = nalgebra::UnitQuaternion::from_euler_angles(0.1, -1.3, 0.01 * i as f64);
     let disparity = |x: usize, y: usize| {
         if y < 3 {
@@ -56,21 +57,12 @@ pub(crate) fn full(i: u64, size: (usize, usize)) -> Frame {
         (..5, _) => Visibility::Occluded,
         _ => Visibility::Visible,
     };
-    let all = [
-        Surface::Unknown,
-        Surface::Floor,
-        Surface::Room,
-        Surface::Wall,
-        Surface::Object,
-    ];
-    let surface = |x: usize, y: usize| all[(x + y) % all.len()];
+    use Surface::{Floor, Object, Room, Unknown, Wall};
+    let surface = |x: usize, y: usize| [Unknown, Floor, Room, Wall, Object][(x + y) % 5];
     Frame {
         name: Some(format!("szene-{i} \"ä\"")),
         geometry: Geometry::Rectified(Some(Rig::new(328.0, (159.5, 119.5), 0.044, 1.25).unwrap())),
-        pose: Some(Pose::from_parts(
-            nalgebra::Translation3::new(0.2 * i as f64, -1.0, 0.3),
-            turn,
-        )),
+        pose: Some(Pose::from_parts(place, turn)),
         truth: Some(Truth {
             surface: Some(Plane::from_fn(size.0, size.1, surface).unwrap()),
             ..Truth::exact(
@@ -125,6 +117,20 @@ pub(crate) fn read(path: &Path) -> (Vec<Frame>, Option<Error>) {
     }
 }
 
+/// All frames of an intact recording.
+#[track_caller]
+pub(crate) fn intact(path: &Path) -> Vec<Frame> {
+    let (frames, error) = read(path);
+    assert!(error.is_none(), "{error:?}");
+    frames
+}
+
+/// The error of opening a recording, which is one line that begins with its path.
+#[track_caller]
+pub(crate) fn complaint(path: &Path) -> String {
+    one_line(path, &Reader::open(path).err().expect("it is bad"))
+}
+
 pub(crate) fn header(path: &Path) -> Result<Header> {
     Recording::open(path)?.header()
 }
@@ -145,9 +151,7 @@ pub(crate) fn recover(from: &Path, to: &Path) -> Result<Recovery> {
 #[track_caller]
 pub fn one_line(path: &Path, error: &Error) -> String {
     let text = error.to_string();
-    assert!(
-        text.starts_with(&path.display().to_string()) && !text.contains('\n'),
-        "{text}"
-    );
+    let is_named = text.starts_with(&path.display().to_string());
+    assert!(is_named && !text.contains('\n'), "{text}");
     text
 }

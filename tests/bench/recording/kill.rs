@@ -42,12 +42,7 @@ fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
         let _ = std::fs::remove_file(path);
     }
     let mut recorder = Command::new(std::env::current_exe().unwrap())
-        .args([
-            "recording::kill::recorder",
-            "--exact",
-            "--ignored",
-            "--nocapture",
-        ])
+        .args("recording::kill::recorder --exact --ignored --nocapture".split(' '))
         .env(FILE, &path)
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
@@ -69,20 +64,13 @@ fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
     recorder.wait().unwrap();
 
     let recovery = recover(&path, &saved).unwrap();
-    assert!(
-        recovery.losses.len() == 1 && recovery.missing.is_empty(),
-        "{:?}",
-        recovery.losses
-    );
+    assert_eq!(recovery.losses.len(), 1, "{:?}", recovery.losses);
+    assert!(recovery.missing.is_empty());
     let (frames, error) = read(&saved);
     // Without a single pair there is nothing to read.
     assert!(error.is_none() || frames.is_empty(), "{error:?}");
-    assert!(
-        frames
-            .iter()
-            .enumerate()
-            .all(|(i, frame)| frame.pair == full(i as u64, SIZE).pair)
-    );
+    let mut numbered = (0..).zip(&frames);
+    assert!(numbered.all(|(i, frame)| frame.pair == full(i, SIZE).pair));
     assert_eq!(recovery.pairs, frames.len() as u64);
     (handed, recovery.pairs)
 }

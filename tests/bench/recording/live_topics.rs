@@ -1,25 +1,17 @@
 //! Live topics without a network: pairs of the messages that a bag would hold.
 
-use super::bag::{self, Message, camera_info, cdr_in, ros_compressed, ros_image, ros_image_in};
-use super::frames::{PERIOD_NS, START_NS, image};
-use super::sensor::tf;
+use super::bag::{Bag, Message, SIZE, STEREO, cdr_in, ros_compressed, ros_image, tf, write_u32s};
+use super::frames::{PERIOD_NS, START_NS, bare, stamp};
+use super::says::Says;
 use crate::cli::fixture::Fixture;
-use crate::common::assert_says;
 use svl::recording::{LiveTopic, Selection, TopicPairs};
 use svl::stereo::Frame;
 
-const SIZE: (usize, usize) = (24, 16);
-
-/// Pair `i` with its calibrations.
-fn messages(i: u64) -> Vec<Message> {
-    let stamp = START_NS + i * PERIOD_NS;
-    let pixels = |seed| image(SIZE, seed).pixels().collect::<Vec<u8>>();
-    vec![
-        ros_image("/cam0/image_rect", stamp, SIZE, "mono8", &pixels(2 * i)),
-        ros_image("/cam1/image_rect", stamp, SIZE, "mono8", &pixels(2 * i + 1)),
-        camera_info("/cam0/camera_info", stamp, &[], 0.0),
-        camera_info("/cam1/camera_info", stamp, &[], -32.8),
-    ]
+/// Pair `i` with its calibrations behind it.
+fn messages(i: u64) -> [Message; 4] {
+    let stereo = STEREO.offsets([0.0, -32.8]);
+    let [[a, b], [c, d]] = [stereo.images(i), stereo.infos(stamp(i))];
+    [a, b, c, d]
 }
 
 fn topics(messages: &[Message]) -> Vec<LiveTopic> {
@@ -31,7 +23,12 @@ fn topics(messages: &[Message]) -> Vec<LiveTopic> {
 }
 
 fn pairs() -> TopicPairs {
-    TopicPairs::new("ros2:", &topics(&messages(0)), &Selection::default()).unwrap()
+    pairs_of(&messages(0))
+}
+
+/// Live topics of these messages.
+pub(super) fn pairs_of(messages: &[Message]) -> TopicPairs {
+    TopicPairs::new("ros2:", &topics(messages), &Selection::default()).unwrap()
 }
 
 fn drain(pairs: &mut TopicPairs) -> Vec<Frame> {
@@ -42,27 +39,17 @@ fn drain(pairs: &mut TopicPairs) -> Vec<Frame> {
 #[test]
 fn pairs_have_the_calibration_that_comes_after_them() {
     let mut pairs = pairs();
-    let needed: Vec<_> = pairs.topics().map(str::to_owned).collect();
     let first = messages(0);
-    assert_eq!(
-        needed,
-        topics(&first)
-            .into_iter()
-            .map(|topic| topic.name)
-            .collect::<Vec<_>>()
-    );
-    let ready = first.iter().enumerate();
-    let ready: Vec<_> = ready
-        .map(|(i, message)| pairs.look_at(i, 0, &message.data))
-        .collect();
-    assert_eq!(ready, [false, false, false, true]);
+    let names = topics(&first).into_iter().map(|topic| topic.name);
+    assert!(pairs.topics().eq(names));
+    let looks = first.iter().enumerate();
+    let ready = looks.map(|(i, message)| pairs.look_at(i, 0, &message.data));
+    assert_eq!(ready.collect::<Vec<_>>(), [false, false, false, true]);
     pairs.begin().unwrap();
-    for message in first
-        .iter()
-        .enumerate()
-        .chain(messages(1).iter().enumerate())
-    {
-        pairs.take_in(message.0, 0, &message.1.data).unwrap();
+    for messages in [first, messages(1)] {
+        for (i, message) in messages.iter().enumerate() {
+            pairs.take_in(i, 0, &message.data).unwrap();
+        }
     }
     // A third left image has no partner.
     pairs.take_in(0, 0, &messages(2)[0].data).unwrap();
@@ -70,65 +57,63 @@ fn pairs_have_the_calibration_that_comes_after_them() {
     let frames = drain(&mut pairs);
     assert_eq!(frames.len(), 2);
     for (i, frame) in (0..).zip(&frames) {
-        assert_eq!(frame.stamp_ns, START_NS + i * PERIOD_NS);
-        assert_eq!(frame.pair.left(), &image(SIZE, 2 * i));
+        assert_eq!(frame.stamp_ns, stamp(i));
+        assert_eq!(frame.pair.left(), bare(i, SIZE).pair.left());
         assert!((frame.rig().unwrap().baseline_m() - 0.1).abs() < 1e-9);
     }
     let facts = pairs.facts();
-    assert_eq!(
-        (pairs.counts(), facts.unpaired_ns.len(), facts.outside),
-        ([3, 2], 0, 1)
-    );
+    let counts = (pairs.counts(), facts.unpaired_ns.len(), facts.outside);
+    assert_eq!(counts, ([3, 2], 0, 1));
 }
 
 /// An empty image in that frame.
 fn header(frame: &str) -> Vec<u8> {
     cdr_in(frame, START_NS, |cdr| {
-        (0..2).for_each(|_| cdr.write_u32(0));
+        write_u32s(cdr, [0; 2]);
         cdr.write_string("mono8");
         cdr.write_u8(0);
-        (0..2).for_each(|_| cdr.write_u32(0));
+        write_u32s(cdr, [0; 2]);
     })
 }
 
 #[test]
 fn the_frame_is_that_of_the_left_images() {
-    for (first, expected) in [([0, 1], "left"), ([1, 0], "left")] {
+    for first in [[0, 1], [1, 0]] {
         let mut pairs = pairs();
         for topic in first {
             pairs.look_at(topic, 0, &header(["left", "right"][topic]));
         }
         pairs.begin().unwrap();
-        assert_eq!(pairs.facts().frame_id.as_deref(), Some(expected));
+        assert_eq!(pairs.facts().frame_id.as_deref(), Some("left"));
         // A later frame changes nothing.
         drop(pairs.take_in(0, 0, &header("other")));
-        assert_eq!(pairs.facts().frame_id.as_deref(), Some(expected));
+        assert_eq!(pairs.facts().frame_id.as_deref(), Some("left"));
     }
     let mut pairs = pairs();
     pairs.look_at(0, 0, &header(""));
     assert_eq!(pairs.facts().frame_id, None);
 }
 
+/// Pair `i` of cameras in these frames, calibrated without a baseline.
+fn placed(i: u64, frames: [&str; 2]) -> [Message; 4] {
+    let [left, right] = STEREO.in_frames(frames).images(i);
+    let [left_info, right_info] = STEREO.offsets([0.0; 2]).infos(stamp(i));
+    [left_info, left, right_info, right]
+}
+
 /// Calibrations without a baseline have that of the static transforms, as in a bag.
 #[test]
 fn the_baseline_is_in_the_static_transforms() {
-    let stamp = START_NS;
-    let pixels = image(SIZE, 0).pixels().collect::<Vec<u8>>();
-    let image = |topic, frame| ros_image_in(frame, topic, stamp, SIZE, ("mono8", &pixels));
-    let all = [
-        image("/cam0/image_rect", "left"),
-        image("/cam1/image_rect", "right"),
-        camera_info("/cam0/camera_info", stamp, &[], 0.0),
-        camera_info("/cam1/camera_info", stamp, &[], 0.0),
-        tf("/tf_static", &[("left", "right", [0.12, 0.0, 0.0])]),
-    ];
+    let [left_info, left, right_info, right] = placed(0, ["left", "right"]);
+    let all = Bag::new([left, right, left_info, right_info]);
+    let all = all.tf(&[("left", "right", [0.12, 0.0, 0.0])]);
     for order in [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]] {
-        let mut pairs = TopicPairs::new("ros2:", &topics(&all), &Selection::default()).unwrap();
-        let ready = order.map(|i: usize| pairs.look_at(i, 0, &all[i].data));
+        let mut pairs = pairs_of(&all.0);
+        let ready = order.map(|i: usize| pairs.look_at(i, 0, &all.0[i].data));
         assert_eq!(ready, [false, false, false, false, true], "{order:?}");
         pairs.begin().unwrap();
         for i in order {
-            pairs.take_in(i, 0, &all[i].data).unwrap();
+            pairs.take_in(i, 0, &all.0[i].data).unwrap();
         }
         let frames = drain(&mut pairs);
         assert!((frames[0].rig().unwrap().baseline_m() - 0.12).abs() < 1e-9);
@@ -139,56 +124,35 @@ fn the_baseline_is_in_the_static_transforms() {
 #[test]
 fn a_baseline_that_is_missing_has_its_reason() {
     let fixture = Fixture::new();
-    let pixels = image(SIZE, 0).pixels().collect::<Vec<u8>>();
-    let camera = |images, frame, info, stamp| {
-        let image = ros_image_in(frame, images, stamp, SIZE, ("mono8", &pixels));
-        [camera_info(info, stamp, &[], 0.0), image]
-    };
-    let pair = |right: &'static str, stamp| {
-        let left = camera("/cam0/image_rect", "l", "/cam0/camera_info", stamp);
-        let right = camera("/cam1/image_rect", right, "/cam1/camera_info", stamp);
-        left.into_iter().chain(right)
-    };
-    let at = |x| tf("/tf_static", &[("l", "r", [x, 0.0, 0.0])]);
+    let at = |place| tf("/tf_static", &[("l", "r", place)]);
+    let beside = |x| at([x, 0.0, 0.0]);
+    let one_frame = "both cameras are in one frame, 'l'";
+    let exchanged = "'r' is 0.120 m to the left of 'l': --left and --right";
+    let elsewhere = "'r' is not beside 'l', but at (0.120, 0.050, 0.000) m";
+    let first = "the first, with a baseline of 0.1200 m, is used";
     for (right, transforms, words) in [
         ("r", vec![], "no static transform leads from 'l' to 'r'"),
-        ("l", vec![at(0.12)], "both cameras are in one frame, 'l'"),
-        (
-            "r",
-            vec![at(-0.12)],
-            "'r' is 0.120 m to the left of 'l': --left and --right",
-        ),
-        (
-            "r",
-            vec![tf("/tf_static", &[("l", "r", [0.12, 0.05, 0.0])])],
-            "'r' is not beside 'l', but at (0.120, 0.050, 0.000) m",
-        ),
-        (
-            "r",
-            vec![at(0.12), at(0.24)],
-            "the first, with a baseline of 0.1200 m, is used",
-        ),
+        ("l", vec![beside(0.12)], one_frame),
+        ("r", vec![beside(-0.12)], exchanged),
+        ("r", vec![at([0.12, 0.05, 0.0])], elsewhere),
+        ("r", vec![beside(0.12), beside(0.24)], first),
     ] {
-        let pairs = pair(right, START_NS).chain(pair(right, START_NS + PERIOD_NS));
-        let all: Vec<_> = transforms.into_iter().chain(pairs).collect();
-        bag::write(&fixture.path(""), &all);
-        let ran = fixture.svl("record bag.mcap -o x.mcap --force");
-        assert_says(&ran.stderr, &[words]);
+        let pairs = (0..2).flat_map(|i| placed(i, ["l", right]));
+        Bag(transforms).and(pairs).write(&fixture);
+        fixture.svl("record bag.mcap -o x.mcap --force").says(words);
     }
     // Live, one that comes after the first pair is used no more.
-    let first: Vec<_> = pair("r", START_NS).chain([at(0.12)]).collect();
-    let mut late = TopicPairs::new("ros2:", &topics(&first), &Selection::default()).unwrap();
-    let place = |topic: &str| late_place(&late, topic);
-    let order: Vec<_> = first.iter().map(|message| place(message.topic)).collect();
+    let first = Bag::new(placed(0, ["l", "r"])).and([beside(0.12)]).0;
+    let mut late = pairs_of(&first);
+    let names: Vec<_> = late.topics().map(str::to_owned).collect();
     late.begin().unwrap();
-    for (at, message) in order.into_iter().zip(&first) {
-        late.take_in(at, 0, &message.data).unwrap();
+    for message in &first {
+        let place = names.iter().position(|name| name == message.topic);
+        late.take_in(place.unwrap(), 0, &message.data).unwrap();
     }
-    assert!(late.facts().remarks[0].contains("disparities but no distances"));
-}
-
-fn late_place(pairs: &TopicPairs, topic: &str) -> usize {
-    pairs.topics().position(|name| name == topic).unwrap()
+    late.facts().remarks[0]
+        .as_str()
+        .says("disparities but no distances");
 }
 
 #[test]
@@ -219,19 +183,12 @@ fn cut_messages_are_errors_of_a_line() {
             pairs.look_at(topic, 0, cut);
             pairs.begin().unwrap();
             // Pixels that are missing are reported with the pair.
-            let taken = pairs.take_in(topic, 0, cut);
-            assert!(
-                taken
-                    .as_ref()
-                    .is_err_and(|why| !why.to_string().contains('\n')),
-                "{length} {taken:?}"
-            );
+            let why = pairs.take_in(topic, 0, cut).unwrap_err().to_string();
+            assert!(!why.contains('\n'), "{length} {why}");
         }
     }
     let format = "mono8; png compressed ";
     let compressed = ros_compressed("/cam0/image_rect", START_NS, format, b"no png");
-    assert!(
-        pairs().take_in(0, 0, &compressed.data).is_err(),
-        "a topic that changes its type"
-    );
+    let taken = pairs().take_in(0, 0, &compressed.data);
+    assert!(taken.is_err(), "a topic that changes its type");
 }

@@ -29,6 +29,7 @@ mod recorded_depth;
 mod recovery;
 pub(crate) mod ros1;
 mod round_trip;
+mod says;
 mod seek;
 mod sensor;
 mod sensor_truth;

@@ -1,9 +1,9 @@
 //! Text from outside that would control a terminal: every command prints it escaped, as
 //! [`Fixture::svl_with`] asserts of all commands.
 
-use super::bag::{self, Message, ros_image_in, string};
-use super::frames::image;
-use crate::cli::fixture::Fixture;
+use super::bag::{Bag, CAMERA, Camera, STEREO, Stereo, string};
+use super::says::Says;
+use crate::cli::fixture::{Fixture, has};
 use std::process::Command;
 
 /// Clears the screen, rings, colours, reverses, and begins a line like one of svl's.
@@ -17,22 +17,22 @@ const TOPICS: [&str; 2] = [hostile!("left/image_rect"), hostile!("right/image_re
 const ESCAPED: &str = r"/\u001b[2J\u0007\u009b31m\u202e\u000ausable: left/image_rect";
 
 fn write(fixture: &Fixture) {
-    let pixels = [1, 2].map(|seed| image((64, 48), seed).pixels().collect::<Vec<_>>());
-    let images = (0..4_u64).flat_map(|i| {
-        let pixels = &pixels;
-        [0, 1].map(move |side| {
-            let (topic, pixels) = (TOPICS[side], &pixels[side]);
-            let stamp = 1_700_000_000_000_000_000 + i * 50_000_000;
-            ros_image_in(hostile!("frame"), topic, stamp, (64, 48), ("mono8", pixels))
-        })
-    });
-    let other = string(hostile!("other"), "text");
-    let odd = Message {
-        schema: hostile!("schema"),
-        ..other.clone()
+    let camera = Camera {
+        frame: hostile!("frame"),
+        ..CAMERA
     };
-    let messages: Vec<_> = images.chain([other, odd]).collect();
-    bag::write(&fixture.path(""), &messages);
+    let cameras = Stereo {
+        images: TOPICS,
+        size: (64, 48),
+        cameras: [camera; 2],
+        ..STEREO
+    };
+    let stamp = |i: u64| 1_700_000_000_000_000_000 + i * 50_000_000;
+    let images = (0..4).flat_map(|i| cameras.images_at(1, stamp(i)));
+    let other = string(hostile!("other"), "text");
+    let mut odd = other.clone();
+    odd.schema = hostile!("schema");
+    Bag::new(images).and([other, odd]).write(fixture);
 }
 
 #[test]
@@ -40,15 +40,11 @@ fn names_in_a_recording_do_not_control_the_terminal() {
     let fixture = Fixture::new();
     write(&fixture);
     let info = fixture.run("info bag.mcap");
-    assert!(info.contains(ESCAPED), "{info}");
-    assert_eq!(info.matches("\nusable").count(), 0, "{info}");
+    info.says(ESCAPED).lacks("\nusable");
     // JSON has the name itself.
     let info = fixture.json("info bag.mcap --json");
-    let topics = info["topics"].as_array().unwrap();
-    assert!(
-        topics.iter().any(|topic| topic["name"] == TOPICS[0]),
-        "{topics:?}"
-    );
+    let mut topics = info["topics"].as_array().unwrap().iter();
+    assert!(topics.any(|topic| topic["name"] == TOPICS[0]), "{info}");
     for command in [
         "replay bag.mcap --algo v3",
         "replay bag.mcap --algo v3 -v",
@@ -57,21 +53,10 @@ fn names_in_a_recording_do_not_control_the_terminal() {
         "score bag.mcap --algo v3 --rerun none",
         "calibrate check bag.mcap",
     ] {
-        let ran = fixture.svl(command);
-        assert!(
-            !ran.stderr.contains("\nusable"),
-            "{command}: {}",
-            ran.stderr
-        );
+        fixture.svl(command).lacks("\nusable");
     }
-    let named = [
-        "replay",
-        "bag.mcap",
-        "--algo",
-        "v3",
-        "--truth",
-        hostile!("other"),
-    ];
+    let mut named: Vec<_> = "replay bag.mcap --algo v3 --truth".split(' ').collect();
+    named.push(hostile!("other"));
     fixture.svl(&named).failed(1, &[r"\u001b[2J"]);
 }
 
@@ -85,28 +70,26 @@ fn names_of_files_and_words_of_programs_do_not_control_the_terminal() {
         &["match", "\u{202e}l.png", "r.png", "-o", "a.pfm"],
         &["algos", "\u{9b}31m"],
     ] {
-        let ran = fixture.svl(args);
-        assert!(ran.stderr.contains(r"\u"), "{args:?}: {}", ran.stderr);
+        fixture.svl(args).says(r"\u");
     }
     fixture.write_pair("l.pgm", "r.pgm", (64, 48), 3);
     fixture.write("program.sh", "printf '\\033[2J\\007gone' >&2; exit 3");
     let algorithm = "exec:command=sh program.sh";
-    let ran = fixture.svl(&[
-        "match", "l.pgm", "r.pgm", "-q", "-o", "a.pfm", "--algo", algorithm,
-    ]);
+    let mut args: Vec<_> = "match l.pgm r.pgm -q -o a.pfm --algo".split(' ').collect();
+    args.push(algorithm);
+    let ran = fixture.svl(&args);
     ran.failed(1, &[r"\u001b[2J\u0007gone"]);
     fixture.write("\u{1b}[2J/left/1.pgm", "no image");
     fixture.write("\u{1b}[2J/right/1.pgm", "no image");
     let ran = fixture.svl(&["replay", "\u{1b}[2J", "--algo", "v3"]);
-    assert!(ran.stderr.contains(r"\u001b[2J"), "{}", ran.stderr);
+    ran.says(r"\u001b[2J");
 }
 
 /// `script` gives the program a terminal: svl's own colours are there, those of names are not.
 #[test]
 fn colours_of_svl_remain_on_a_terminal() {
-    let has_script = Command::new("script").arg("--version").output();
-    if !has_script.is_ok_and(|output| output.status.success()) {
-        return crate::common::skip("no program script");
+    if !has("script", &["--version"]) {
+        return;
     }
     let fixture = Fixture::new();
     write(&fixture);
@@ -117,8 +100,5 @@ fn colours_of_svl_remain_on_a_terminal() {
     ran.args(["-qec", &command, "/dev/null"]);
     let ran = ran.current_dir(fixture.path("")).output().unwrap();
     let text = String::from_utf8(ran.stdout).unwrap();
-    assert!(
-        text.contains(ESCAPED) && !text.contains("\u{1b}[2J"),
-        "{text:?}"
-    );
+    text.says(ESCAPED).lacks("\u{1b}[2J");
 }

@@ -1,40 +1,30 @@
 //! Recovery of damaged and truncated files.
 
-use super::bag;
+use super::bag::{Bag, RAW, SIZE};
 use super::damage::chunks;
-use super::frames::{attachment, bare, full, header, image, read, recover, summarize};
-use crate::common::assert_says;
+use super::frames::{attachment, bare, full, header, intact, read, recover, summarize};
+use super::says::Says;
 use std::path::{Path, PathBuf};
 use svl::Error;
 use svl::recording::{Header, ImageFormat, Recovery, Writer};
 use svl::stereo::Frame;
 
-const SIZE: (usize, usize) = (24, 16);
-
 /// A recording of six pairs, each in a chunk of its own, with every kind of record and message.
 pub(crate) fn specimen(folder: &Path) -> (Vec<u8>, Vec<Frame>) {
     let path = folder.join("specimen.mcap");
-    let mut writer = Writer::create(
-        &path,
-        &Header {
-            seed: Some(7),
-            ..Header::new("test")
-        },
-        ImageFormat::Raw,
-    )
-    .unwrap();
-    writer
-        .attach("scenario.toml", "application/toml", b"name = 'x'")
-        .unwrap();
+    let mut header = Header::new("test");
+    header.seed = Some(7);
+    let mut writer = Writer::create(&path, &header, ImageFormat::Raw).unwrap();
+    let (media, text) = ("application/toml", b"name = 'x'");
+    writer.attach("scenario.toml", media, text).unwrap();
     for i in 0..6 {
-        writer
-            .write(&if i < 4 { full(i, SIZE) } else { bare(i, SIZE) })
-            .unwrap();
+        let frame = if i < 4 { full(i, SIZE) } else { bare(i, SIZE) };
+        writer.write(&frame).unwrap();
         writer.sync().unwrap();
     }
     writer.finish().unwrap();
-    let (frames, error) = read(&path);
-    assert!(error.is_none() && frames.len() == 6);
+    let frames = intact(&path);
+    assert_eq!(frames.len(), 6);
     (std::fs::read(&path).unwrap(), frames)
 }
 
@@ -52,18 +42,14 @@ fn a_whole_file_loses_nothing() {
     let (recovery, saved) = recovered(folder.path(), &bytes);
     let recovery = recovery.unwrap();
     assert!(recovery.losses.is_empty() && recovery.missing.is_empty());
-    assert_eq!(
-        (recovery.pairs, recovery.attachments, recovery.metadata),
-        (6, 1, 1)
-    );
+    let counts = (recovery.pairs, recovery.attachments, recovery.metadata);
+    assert_eq!(counts, (6, 1, 1));
     assert_eq!(read(&saved).0, frames);
-    assert_eq!(
-        attachment(&saved, "scenario.toml").unwrap().unwrap(),
-        b"name = 'x'"
-    );
+    let scenario = attachment(&saved, "scenario.toml").unwrap();
+    assert_eq!(scenario.unwrap(), b"name = 'x'");
     assert_eq!(header(&saved).unwrap().seed, Some(7));
     let again = recover(&folder.path().join("damaged.mcap"), &saved);
-    assert_says(&again.unwrap_err().to_string(), &["never overwritten"]);
+    again.unwrap_err().says("never overwritten");
 }
 
 #[test]
@@ -80,25 +66,16 @@ fn a_damaged_chunk_costs_only_itself() {
         let [loss] = &recovery.losses[..] else {
             panic!("{:?}", recovery.losses)
         };
-        assert_eq!(
-            (loss.at_byte, loss.bytes),
-            (chunk.start as u64, chunk.len() as u64)
-        );
+        let hit = (chunk.start as u64, chunk.len() as u64);
+        assert_eq!((loss.at_byte, loss.bytes), hit);
         assert!(loss.reason.contains("chunk"), "{loss}");
         assert_eq!((recovery.pairs, recovery.missing["/stereo/sync"]), (5, 1));
-        let (saved_frames, error) = read(&saved);
-        assert!(error.is_none(), "{error:?}");
-        let others = frames
-            .iter()
-            .enumerate()
-            .filter(|&(j, _)| j != i)
-            .map(|(_, frame)| frame);
-        assert!(saved_frames.iter().eq(others), "chunk {i}");
+        let mut others = frames.clone();
+        others.remove(i);
+        assert!(intact(&saved) == others, "chunk {i}");
         let summary = summarize(&folder.path().join("damaged.mcap")).unwrap();
-        assert_eq!(
-            (&summary.losses, &summary.missing, summary.pairs),
-            (&recovery.losses, &recovery.missing, 5)
-        );
+        let told = (&summary.losses, &summary.missing, summary.pairs);
+        assert_eq!(told, (&recovery.losses, &recovery.missing, 5));
         assert_eq!(summary.missing_pairs, u64::from((1..5).contains(&i)));
     }
 }
@@ -109,27 +86,25 @@ pub(crate) fn saved_pairs(folder: &Path, frames: &[Frame], bad: &[u8], what: &st
     let recovery = match recovery {
         Ok(recovery) => recovery,
         Err(error) => {
-            assert!(
-                matches!(error, Error::Format { .. }) && !saved.exists(),
-                "{what}: {error}"
-            );
+            let is_format = matches!(error, Error::Format { .. });
+            assert!(is_format && !saved.exists(), "{what}: {error}");
             return 0;
         }
     };
     assert!(!recovery.losses.is_empty(), "{what}: not a word");
-    assert!(
-        summarize(&saved).unwrap().is_intact(),
-        "{what}: the saved file is damaged"
-    );
+    let is_intact = summarize(&saved).unwrap().is_intact();
+    assert!(is_intact, "{what}: the saved file is damaged");
     let (saved_frames, _) = read(&saved);
-    let mut originals = frames.iter();
-    assert!(
-        saved_frames
-            .iter()
-            .all(|frame| originals.any(|original| original == frame)),
-        "{what}: a wrong pair"
-    );
+    assert!(are_of(&saved_frames, frames), "{what}: a wrong pair");
     saved_frames.len()
+}
+
+/// True if each of these frames is one of the originals, in their order.
+pub(crate) fn are_of(frames: &[Frame], originals: &[Frame]) -> bool {
+    let mut originals = originals.iter();
+    frames
+        .iter()
+        .all(|frame| originals.any(|original| original == frame))
 }
 
 #[test]
@@ -144,67 +119,36 @@ fn recovered_pairs_are_whole_after_any_cut_or_change() {
         bad[at] ^= 1 << (at % 8);
         check(&bad, &format!("byte {at} changed"));
     }
-    assert!(
-        saved.is_sorted() && saved.last() == Some(&6),
-        "the longer, the more: {saved:?}"
-    );
+    let is_growing = saved.is_sorted() && saved.last() == Some(&6);
+    assert!(is_growing, "the longer, the more: {saved:?}");
 }
 
 #[test]
 fn other_peoples_files_keep_everything() {
     let folder = tempfile::tempdir().unwrap();
-    let pixels = |i| image(SIZE, i).pixels().collect::<Vec<_>>();
-    let mut messages: Vec<_> = (0..60)
-        .map(|i| {
-            bag::ros_image(
-                "/cam0/image_raw",
-                1_000_000_000 + i,
-                SIZE,
-                "mono8",
-                &pixels(i),
-            )
-        })
-        .collect();
-    messages.push(bag::camera_info("/cam0/camera_info", 5, &[0.1], 0.0));
-    let path = bag::write(folder.path(), &messages);
+    let images = (0..60).map(|i| RAW.images_at(i, 1_000_000_000 + i)[0].clone());
+    let bag = Bag::new(images).and([RAW.infos(5)[0].clone()]);
+    let path = bag.saved();
     let saved = folder.path().join("saved.mcap");
     let recovery = recover(&path, &saved).unwrap();
-    assert_eq!(
-        (
-            recovery.messages["/cam0/image_raw"],
-            recovery.messages["/cam0/camera_info"]
-        ),
-        (60, 1)
-    );
+    let counts = ["/cam0/image_raw", "/cam0/camera_info"].map(|topic| recovery.messages[topic]);
+    assert_eq!(counts, [60, 1]);
     let all = |path: &Path| {
         let bytes = std::fs::read(path).unwrap();
         let messages = mcap::MessageStream::new(&bytes).unwrap().map(|message| {
-            let mcap::Message {
-                channel,
-                sequence,
-                log_time,
-                publish_time,
-                data,
-            } = message.unwrap();
+            let message = message.unwrap();
+            let channel = message.channel;
             let schema = channel.schema.as_ref().unwrap();
-            let schema = (
-                schema.name.clone(),
-                schema.encoding.clone(),
-                schema.data.to_vec(),
-            );
-            let channel = (
-                channel.topic.clone(),
-                channel.message_encoding.clone(),
-                schema,
-            );
-            (channel, sequence, log_time, publish_time, data.into_owned())
+            let names = [&channel.topic, &channel.message_encoding];
+            let names = [names, [&schema.name, &schema.encoding]].map(|two| two.map(Clone::clone));
+            let times = (message.sequence, message.log_time, message.publish_time);
+            let bytes = [schema.data.to_vec(), message.data.into_owned()];
+            (names, times, bytes)
         });
         messages.collect::<Vec<_>>()
     };
     assert_eq!(all(&path), all(&saved));
-    let (nothing, _) = recovered(folder.path(), &std::fs::read(&path).unwrap()[..40]);
-    assert_says(
-        &nothing.unwrap_err().to_string(),
-        &["nothing that can be recovered"],
-    );
+    let (nothing, _) = recovered(folder.path(), &std::fs::read(&*path).unwrap()[..40]);
+    let error = nothing.unwrap_err();
+    error.says("nothing that can be recovered");
 }

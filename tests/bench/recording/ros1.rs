@@ -1,11 +1,10 @@
 //! ROS 1 bags: written here by their format's page (wiki.ros.org/Bags/Format/2.0), and by rosbags.
 
-use super::bag::Message;
-use super::formats::with_sensors as messages;
-use super::frames::{read, recover, summarize};
-use super::sensor::pairs;
+use super::bag::{Bag, Message};
+use super::formats::with_sensors;
+use super::frames::{intact, read, recover, summarize};
+use super::says::Says;
 use crate::cli::fixture::Fixture;
-use crate::common::assert_says;
 use bzip2::Compression;
 use bzip2::write::BzEncoder;
 use re_cdr::{CdrReader, LittleEndian};
@@ -84,82 +83,81 @@ fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
 }
 
 /// A bag of these messages, and the position of its index.
-struct Bag {
+struct Ros1Bag {
     bytes: Vec<u8>,
     index: usize,
 }
 
-/// Writes a bag with a chunk for every four messages, compressed by `pack`.
-fn bag(messages: &[Message], compression: &str, pack: impl Fn(&[u8]) -> Vec<u8>) -> Bag {
-    let mut bytes = b"#ROSBAG V2.0\n".to_vec();
-    let head = |index: u64, chunks: u32| {
-        let fields: [(&str, &[u8]); 4] = [
-            ("chunk_count", &chunks.to_le_bytes()),
-            ("conn_count", &7u32.to_le_bytes()),
-            ("index_pos", &index.to_le_bytes()),
-            ("op", &[3]),
-        ];
-        let length = record(&fields, b"").len();
-        record(&fields, &vec![b' '; 4096 - length])
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+
+/// The header of a bag: it fills 4096 bytes.
+fn head(index: u64, chunks: u32) -> Vec<u8> {
+    let fields: [(&str, &[u8]); 4] = [
+        ("chunk_count", &chunks.to_le_bytes()),
+        ("conn_count", &7u32.to_le_bytes()),
+        ("index_pos", &index.to_le_bytes()),
+        ("op", &[3]),
+    ];
+    let length = record(&fields, b"").len();
+    record(&fields, &vec![b' '; 4096 - length])
+}
+
+/// The declaration of connection number `id`.
+fn connection(id: usize, message: &Message) -> Vec<u8> {
+    let schema = message.schema.replace("/msg/", "/");
+    let topic = message.topic.as_bytes();
+    let inner = record(&[("topic", topic), ("type", schema.as_bytes())], b"");
+    let id = (id as u32).to_le_bytes();
+    let fields: [(&str, &[u8]); 3] = [("conn", &id), ("op", &[7]), ("topic", topic)];
+    record(&fields, &inner[4..inner.len() - 4])
+}
+
+/// The head of a chunk.
+fn chunk_fields<'a>(compression: &'a str, size: &'a [u8; 4]) -> [(&'a str, &'a [u8]); 3] {
+    let compression = compression.as_bytes();
+    [("compression", compression), ("op", &[5]), ("size", size)]
+}
+
+/// A bag with a chunk for every four messages, with that compression.
+fn bag(messages: &Bag, compression: &str) -> Ros1Bag {
+    let pack: fn(&[u8]) -> Vec<u8> = match compression {
+        "lz4" => lz4,
+        "bz2" => bz2,
+        _ => <[u8]>::to_vec,
     };
-    bytes.extend(head(0, 0));
+    let mut bytes = [MAGIC, &head(0, 0)].concat();
     let mut connections: Vec<(&str, Vec<u8>)> = Vec::new();
-    let chunks = messages.chunks(4).map(|part| {
+    let chunks = messages.0.chunks(4);
+    let count = chunks.len();
+    for part in chunks {
         let mut chunk = Vec::new();
         for message in part {
-            let known = connections
-                .iter()
-                .position(|(topic, _)| *topic == message.topic);
-            let id = known.unwrap_or_else(|| {
-                let schema = message.schema.replace("/msg/", "/");
-                let inner: [(&str, &[u8]); 2] = [
-                    ("topic", message.topic.as_bytes()),
-                    ("type", schema.as_bytes()),
-                ];
-                let inner = record(&inner, b"");
-                let data = &inner[4..inner.len() - 4];
-                let id = (connections.len() as u32).to_le_bytes();
-                let fields: [(&str, &[u8]); 3] = [
-                    ("conn", &id),
-                    ("op", &[7]),
-                    ("topic", message.topic.as_bytes()),
-                ];
-                connections.push((message.topic, record(&fields, data)));
-                chunk.extend(&connections[connections.len() - 1].1);
-                connections.len() - 1
-            });
-            let time = [
-                message.log_time / 1_000_000_000,
-                message.log_time % 1_000_000_000,
-            ];
+            let mut known = connections.iter();
+            let known = known.position(|(topic, _)| *topic == message.topic);
+            let id = known.unwrap_or(connections.len());
+            if known.is_none() {
+                let declared = connection(id, message);
+                chunk.extend(&declared);
+                connections.push((message.topic, declared));
+            }
+            let time = message.log_time;
+            let time = [time / 1_000_000_000, time % 1_000_000_000];
             let time = time.map(|part| (part as u32).to_le_bytes()).concat();
-            let fields: [(&str, &[u8]); 3] = [
-                ("conn", &(id as u32).to_le_bytes()),
-                ("op", &[2]),
-                ("time", &time),
-            ];
+            let id = (id as u32).to_le_bytes();
+            let fields: [(&str, &[u8]); 3] = [("conn", &id), ("op", &[2]), ("time", &time)];
             chunk.extend(record(&fields, &packed(message)));
         }
-        let fields: [(&str, &[u8]); 3] = [
-            ("compression", compression.as_bytes()),
-            ("op", &[5]),
-            ("size", &(chunk.len() as u32).to_le_bytes()),
-        ];
-        let index = record(&[("ver", &1u32.to_le_bytes()), ("op", &[4])], &[0; 12]);
-        [record(&fields, &pack(&chunk)), index].concat()
-    });
-    let chunks: Vec<_> = chunks.collect();
-    bytes.extend(chunks.concat());
+        let size = (chunk.len() as u32).to_le_bytes();
+        bytes.extend(record(&chunk_fields(compression, &size), &pack(&chunk)));
+        let fields: [(&str, &[u8]); 2] = [("ver", &1u32.to_le_bytes()), ("op", &[4])];
+        bytes.extend(record(&fields, &[0; 12]));
+    }
     let index = bytes.len();
     bytes.extend(connections.iter().flat_map(|(_, record)| record));
-    for _ in &chunks {
-        bytes.extend(record(
-            &[("ver", &1u32.to_le_bytes()), ("op", &[6])],
-            &[0; 8],
-        ));
-    }
-    bytes.splice(13..13 + 4096, head(index as u64, chunks.len() as u32));
-    Bag { bytes, index }
+    let fields: [(&str, &[u8]); 2] = [("ver", &1u32.to_le_bytes()), ("op", &[6])];
+    bytes.extend(record(&fields, &[0; 8]).repeat(count));
+    bytes.splice(13..13 + 4096, head(index as u64, count as u32));
+    Ros1Bag { bytes, index }
 }
 
 fn lz4(chunk: &[u8]) -> Vec<u8> {
@@ -182,40 +180,27 @@ fn write(folder: &Path, bytes: &[u8]) -> PathBuf {
 
 /// Writes the messages into a bag with that compression.
 pub(crate) fn write_bag(folder: &Path, messages: &[Message], compression: &str) -> PathBuf {
-    let pack: fn(&[u8]) -> Vec<u8> = match compression {
-        "lz4" => lz4,
-        "bz2" => bz2,
-        _ => <[u8]>::to_vec,
-    };
-    write(folder, &bag(messages, compression, pack).bytes)
+    let messages = Bag(messages.to_vec());
+    write(folder, &bag(&messages, compression).bytes)
 }
 
 #[test]
 fn a_bag_without_its_index_has_all_its_pairs() {
     let folder = tempfile::tempdir().unwrap();
-    let whole = bag(&messages(), "lz4", lz4);
-    // Closed by nobody: the header still says that there is no index.
-    let mut active = whole.bytes[..whole.index].to_vec();
-    let field = active
-        .windows(10)
-        .position(|field| field == b"index_pos=")
-        .unwrap();
-    active[field + 10..field + 18].fill(0);
+    let whole = bag(&with_sensors(), "lz4");
     let cut = &whole.bytes[..whole.index];
-    for (bytes, reason) in [
-        (
-            &active[..],
-            "its recorder was stopped before it wrote the index",
-        ),
-        (cut, "it is cut off before its index"),
-    ] {
+    // Closed by nobody: the header still says that there is no index.
+    let mut active = cut.to_vec();
+    let mut places = active.windows(10);
+    let field = places.position(|field| field == b"index_pos=").unwrap();
+    active[field + 10..field + 18].fill(0);
+    let stopped = "its recorder was stopped before it wrote the index";
+    let cut_off = "it is cut off before its index";
+    for (bytes, reason) in [(&active[..], stopped), (cut, cut_off)] {
         let path = write(folder.path(), bytes);
         let (frames, error) = read(&path);
         assert_eq!(frames.len(), 2);
-        assert_says(
-            &error.unwrap().to_string(),
-            &[reason, "intact pairs read: 2"],
-        );
+        error.unwrap().says(reason).says("intact pairs read: 2");
         assert!(!summarize(&path).unwrap().is_intact());
     }
 }
@@ -223,38 +208,32 @@ fn a_bag_without_its_index_has_all_its_pairs() {
 #[test]
 fn damage_costs_only_its_chunk() {
     let folder = tempfile::tempdir().unwrap();
-    for (compression, pack) in [
-        ("none", <[u8]>::to_vec as fn(&[u8]) -> Vec<u8>),
-        ("lz4", lz4),
-    ] {
-        let whole = bag(&messages(), compression, pack);
+    for compression in ["none", "lz4"] {
+        let whole = bag(&with_sensors(), compression).bytes;
         // The first chunk declares the connections of both cameras; the index repeats them.
         for at in [13 + 4096, 13 + 4096 + 40] {
-            let mut bytes = whole.bytes.clone();
+            let mut bytes = whole.clone();
             bytes[at..at + 4].fill(0xEE);
             let path = write(folder.path(), &bytes);
             let (frames, error) = read(&path);
             assert_eq!(frames.len(), 1, "{compression} {at}");
-            assert_says(
-                &error.unwrap().to_string(),
-                &["damaged at byte", "intact pairs read: 1"],
-            );
+            error
+                .unwrap()
+                .says("damaged at byte | intact pairs read: 1");
             let info = summarize(&path).unwrap();
             assert_eq!((info.losses.len(), info.pairs), (1, 1), "{:?}", info.losses);
             assert_eq!(info.losses[0].at_byte, 13 + 4096);
             // The rest is an intact recording of the same pair.
             let saved = folder.path().join("saved.mcap");
-            let recovery = recover(&path, &saved).unwrap();
-            assert_eq!(recovery.losses, info.losses);
-            let (rest, error) = read(&saved);
-            assert!(error.is_none() && rest == frames, "{error:?}");
+            assert_eq!(recover(&path, &saved).unwrap().losses, info.losses);
+            assert!(intact(&saved) == frames);
             std::fs::remove_file(saved).unwrap();
         }
         // Cut anywhere, or a byte changed anywhere: pairs are lost, nothing else happens.
-        for at in (14..whole.bytes.len()).step_by(61) {
-            let (frames, _) = read(&write(folder.path(), &whole.bytes[..at]));
+        for at in (14..whole.len()).step_by(61) {
+            let (frames, _) = read(&write(folder.path(), &whole[..at]));
             assert!(frames.len() <= 2, "{at}");
-            let mut bytes = whole.bytes.clone();
+            let mut bytes = whole.clone();
             bytes[at] ^= 0xFF;
             let path = write(folder.path(), &bytes);
             assert!(read(&path).0.len() <= 2, "{at}");
@@ -267,18 +246,16 @@ fn damage_costs_only_its_chunk() {
 fn unreadable_bags_are_reported_with_the_cure() {
     let fixture = Fixture::new();
     let head: [(&str, &[u8]); 2] = [("op", &[3]), ("encryptor", b"rosbag/AesCbcEncryptor")];
-    let encrypted = [&b"#ROSBAG V2.0\n"[..], &record(&head, &[b' '; 9])].concat();
+    let encrypted = [MAGIC, &record(&head, &[b' '; 9])].concat();
     fixture.write("secret.bag", encrypted);
     fixture.write("old.bag", "#ROSBAG V1.2\nrest");
     fixture.write("cut.bag", "#ROSBAG V2.0\nrest");
-    fixture.write("whole.bag", bag(&messages(), "lz4", lz4).bytes);
+    fixture.write("whole.bag", bag(&with_sensors(), "lz4").bytes);
     for name in ["a.svo2", "a.svo", "a.tar", "a.tar.gz"] {
         fixture.write(name, "anything");
     }
-    fixture.write(
-        "calib.json",
-        r#"{"boardName": "OAK-D", "cameraData": [[0, {}]]}"#,
-    );
+    let calib = r#"{"boardName": "OAK-D", "cameraData": [[0, {}]]}"#;
+    fixture.write("calib.json", calib);
     fixture.fails(
         "record a.svo2 => 1: a.svo2: is a recording of ZED's SDK | ZED_SVO_Export FILE FOLDER/ 2
          info a.svo => 1: ZED_SVO_Export
@@ -291,10 +268,7 @@ fn unreadable_bags_are_reported_with_the_cure() {
 ",
     );
     let info = fixture.run("info whole.bag");
-    assert_says(
-        &info,
-        &["paired topics   /cam0/image_rect", "/depth", "/points"],
-    );
+    info.says("paired topics   /cam0/image_rect | /depth | /points");
 }
 
 /// Each begins like a chunk that reaches to the end of the file: reading them all would take the
@@ -302,28 +276,17 @@ fn unreadable_bags_are_reported_with_the_cure() {
 #[test]
 fn false_chunks_are_skipped_quickly() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bytes = bag(&pairs(), "none", <[u8]>::to_vec).bytes;
-    let fields: [(&str, &[u8]); 3] = [
-        ("compression", b"none"),
-        ("op", &[5]),
-        ("size", &1_u32.to_le_bytes()),
-    ];
-    let head = record(&fields, b"");
+    let mut bytes = bag(&Bag::pairs(2), "none").bytes;
+    let head = record(&chunk_fields("none", &1_u32.to_le_bytes()), b"");
     let count = 60_000;
     for i in 0..count {
         let rest = ((count - 1 - i) * head.len()) as u32;
         bytes.extend(&head[..head.len() - 4]);
         bytes.extend(rest.to_le_bytes());
     }
-    let path = folder.path().join("false.bag");
-    std::fs::write(&path, bytes).unwrap();
-    let summary = summarize(&path).unwrap();
-    let last = summary.losses.iter().rev().take(2);
-    let last: Vec<_> = last.map(|loss| loss.reason.as_str()).collect();
-    assert!(
-        last.iter()
-            .any(|reason| reason.contains("too many damaged parts")),
-        "{last:?}"
-    );
+    let summary = summarize(&write(folder.path(), &bytes)).unwrap();
+    let mut last = summary.losses.iter().rev().take(2);
+    let is_named = last.any(|loss| loss.reason.contains("too many damaged parts"));
+    assert!(is_named, "{:?}", summary.losses.last());
     assert!(summary.losses.len() < 1000 && summary.pairs == 2);
 }

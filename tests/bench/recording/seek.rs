@@ -34,9 +34,6 @@ fn a_recording_without_an_index_is_read_on() {
     let mut source = RecordingSource::open(&path).unwrap();
     source.next().unwrap();
     assert!(!source.seek(9).unwrap());
-    assert_eq!(
-        source.next().unwrap().unwrap().sequence,
-        1,
-        "nothing changed"
-    );
+    let next = source.next().unwrap().unwrap();
+    assert_eq!(next.sequence, 1, "nothing changed");
 }

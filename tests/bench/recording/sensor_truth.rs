@@ -5,6 +5,7 @@
 //! compared with the exact one, and with the exact one of only the pixels that the sensor measured:
 //! the first difference is due to sampling, the second to errors of svl.
 
+use super::bag::{all_frames, open_with};
 use crate::cli::fixture::Fixture;
 use crate::common::python;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,6 @@ use svl::depth::{GridSettings, grid};
 use svl::matcher::Algorithm;
 use svl::scenario::SourceOptions;
 use svl::score::{CellJudgement, CellTally, TrueCells, Verdict};
-use svl::source::{Request, open_recording};
 use svl::stereo::{CellRule, DepthGrid, Frame, MapDensity, Plane, RectifiedPair, Truth, TruthKind};
 
 const FRAMES: u64 = 40;
@@ -35,62 +35,44 @@ fn recorded(fixture: &Fixture) -> Option<(PathBuf, PathBuf)> {
         text.replacen(from, to, 1)
     });
     fixture.write("sensor.toml", text);
-    for name in ["pairs", "sensor"] {
-        let (from, to) = (format!("{name}.toml"), format!("{name}.mcap"));
-        fixture.svl(&["record", &from, "-o", &to]).done();
-    }
+    let [pairs, sensor] = ["pairs", "sensor"].map(|name| {
+        fixture.run(&format!("record {name}.toml -o {name}.mcap"));
+        fixture.path(&format!("{name}.mcap"))
+    });
     let bag = fixture.path("bag");
-    let recordings = ["pairs.mcap", "sensor.mcap"].map(|name| fixture.path(name));
-    let [pairs, sensor] = &recordings;
-    python(
-        "sensor_bag.py",
-        "mcap, mcap_protobuf, numpy, rosbags",
-        [pairs, sensor, &bag],
-    )?;
-    Some((fixture.path("pairs.mcap"), bag))
+    let modules = "mcap, mcap_protobuf, numpy, rosbags";
+    python("sensor_bag.py", modules, [&pairs, &sensor, &bag])?;
+    Some((pairs, bag))
 }
 
 fn frames(path: &Path, topic: Option<&str>) -> Vec<Frame> {
-    let mut source = open_recording(&Request {
-        options: SourceOptions {
-            truth: topic.map(str::to_owned),
-            ..SourceOptions::default()
-        },
-        ..Request::new(path.to_str().unwrap())
-    })
-    .unwrap()
-    .source;
-    let frames: Vec<_> = std::iter::from_fn(|| source.next().unwrap()).collect();
-    assert_eq!(
-        (frames.len() as u64, source.finish(FRAMES).without_truth),
-        (FRAMES, 0)
-    );
+    let options = SourceOptions {
+        truth: topic.map(str::to_owned),
+        ..SourceOptions::default()
+    };
+    let (frames, without) = open_with(path, options).and_then(all_frames).unwrap();
+    assert_eq!((frames.len() as u64, without), (FRAMES, 0));
     frames
+}
+
+/// The frame with another truth.
+fn with_truth(mut frame: Frame, truth: Plane<f32>, kind: TruthKind) -> Frame {
+    let mut truth = Truth::exact(truth, None);
+    truth.kind = kind;
+    frame.truth = Some(truth);
+    frame
 }
 
 /// The exact truth of the pixels that the sensor measured.
 fn sampled(exact: &Frame, sensor: &Frame) -> Frame {
-    let (exact_truth, measured) = (
-        exact.truth.as_ref().unwrap(),
-        sensor.truth.as_ref().unwrap(),
-    );
-    let mut disparity = exact_truth.disparity.clone();
-    for y in 0..disparity.height() {
-        let pixels = disparity
-            .row_mut(y)
-            .iter_mut()
-            .zip(measured.disparity.row(y));
-        pixels
-            .filter(|(_, m)| m.is_infinite())
-            .for_each(|(d, _)| *d = f32::INFINITY);
-    }
-    Frame {
-        truth: Some(Truth {
-            kind: measured.kind.clone(),
-            ..Truth::exact(disparity, None)
-        }),
-        ..sensor.clone()
-    }
+    let [exact, measured] = [exact, sensor].map(|frame| frame.truth.as_ref().unwrap());
+    let (width, height) = exact.disparity.size();
+    let known = |x, y| match measured.disparity.get(x, y) {
+        f32::INFINITY => f32::INFINITY,
+        _ => exact.disparity.get(x, y),
+    };
+    let disparity = Plane::from_fn(width, height, known).unwrap();
+    with_truth(sensor.clone(), disparity, measured.kind.clone())
 }
 
 /// The scores of all frames' cells against the truths of `frames`.
@@ -108,21 +90,15 @@ fn shares(judged: &[CellJudgement]) -> (usize, [f64; 3], usize) {
     let tally = CellTally::from_judgements(judged);
     let counts = [tally.right, tally.wrong, tally.unknown];
     let all: usize = counts.iter().sum();
-    (
-        all,
-        counts.map(|n| 100.0 * n as f64 / all as f64),
-        tally.missed,
-    )
+    let shares = counts.map(|n| 100.0 * n as f64 / all as f64);
+    (all, shares, tally.missed)
 }
 
 /// The fraction of cells with truth in both that are scored equally.
 fn alike(a: &[CellJudgement], b: &[CellJudgement]) -> f64 {
     let known = |j: &CellJudgement| j.verdict != Verdict::NoTruth;
-    let both: Vec<_> = a
-        .iter()
-        .zip(b)
-        .filter(|(a, b)| known(a) && known(b))
-        .collect();
+    let both = a.iter().zip(b).filter(|(a, b)| known(a) && known(b));
+    let both: Vec<_> = both.collect();
     let equal = both.iter().filter(|(a, b)| a.verdict == b.verdict).count();
     equal as f64 / both.len() as f64
 }
@@ -151,9 +127,8 @@ fn thinned(frame: &Frame, points: usize, seed: u64) -> Frame {
     for place in shape.iter() {
         let (columns, rows) = shape.pixels(place, truth.size());
         let known = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
-        let mut known: Vec<_> = known
-            .filter(|&(x, y)| truth.get(x, y).is_finite())
-            .collect();
+        let known = known.filter(|&(x, y)| truth.get(x, y).is_finite());
+        let mut known: Vec<_> = known.collect();
         random.shuffle(&mut known);
         for (x, y) in known.into_iter().take(points) {
             disparity.set(x, y, truth.get(x, y));
@@ -163,22 +138,14 @@ fn thinned(frame: &Frame, points: usize, seed: u64) -> Frame {
         density: MapDensity::Sparse,
         ..TruthKind::default()
     };
-    Frame {
-        truth: Some(Truth {
-            kind,
-            ..Truth::exact(disparity, None)
-        }),
-        ..frame.clone()
-    }
+    with_truth(frame.clone(), disparity, kind)
 }
 
 #[test]
 fn some_points_of_a_cell_judge_it_nearly_as_all_do() {
     let fixture = Fixture::new();
     fixture.write_short_arena("pairs.toml", FRAMES);
-    fixture
-        .svl(&["record", "pairs.toml", "-o", "pairs.mcap"])
-        .done();
+    fixture.run("record pairs.toml -o pairs.mcap");
     let exact = frames(&fixture.path("pairs.mcap"), None);
     let grids = matched(&exact);
     println!("| points a cell | algorithm | cells | as by all, % | right | wrong | unknown |");
@@ -227,11 +194,8 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
         let sensor = frames(&bag, Some(topic));
         let kind: &TruthKind = &sensor[0].truth.as_ref().unwrap().kind;
         assert_eq!(kind.density, density, "{topic}");
-        let samples: Vec<_> = exact
-            .iter()
-            .zip(&sensor)
-            .map(|(e, s)| sampled(e, s))
-            .collect();
+        let samples = exact.iter().zip(&sensor);
+        let samples: Vec<_> = samples.map(|(e, s)| sampled(e, s)).collect();
         let (mut pixels, mut off) = (0usize, 0usize);
         for (sample, measured) in samples.iter().zip(&sensor) {
             let [a, b] = [sample, measured].map(|f| &f.truth.as_ref().unwrap().disparity);
@@ -241,16 +205,11 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
             }
         }
         let off = 100.0 * off as f64 / pixels as f64;
-        println!(
-            "{topic}: {} pixels a pair, {off:.2} % off by more than 1 px",
-            pixels / 40
-        );
+        let each = pixels / 40;
+        println!("{topic}: {each} pixels a pair, {off:.2} % off by more than 1 px");
         for (algorithm, grids) in ALGORITHMS.iter().zip(&grids) {
-            let (all, some, measured) = (
-                judged(&exact, grids),
-                judged(&samples, grids),
-                judged(&sensor, grids),
-            );
+            let [all, some, measured] =
+                [&exact, &samples, &sensor].map(|frames| judged(frames, grids));
             line(&format!("exact at the pixels of {topic}"), algorithm, &some);
             line(topic, algorithm, &measured);
             let same = alike(&some, &measured);
@@ -259,10 +218,8 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
                 assert_eq!((shares(&some).0, shares(&measured).0), (0, 0));
                 continue;
             }
-            println!(
-                "{topic} {algorithm}: alike {same:.4}, with exact {:.4}",
-                alike(&all, &measured)
-            );
+            let exactly = alike(&all, &measured);
+            println!("{topic} {algorithm}: alike {same:.4}, with exact {exactly:.4}");
             // If the sensor sees behind the camera's surface, none of its points shows it. With
             // the lidar's few lines fewer cells are scored, so each such cell has more weight.
             let least = match topic {

@@ -1,46 +1,31 @@
 //! Truth for pairs whose stamps are equal or zero, and truth far from its pair in time.
 
-use super::bag::{self, Message};
+use super::bag::{Bag, FB, Message, SIZE, depth32, open, truths_in};
 use super::frames::{PERIOD_NS, START_NS, full, record, stamp, summarize};
-use super::sensor::{FB, SIZE, depth32, open, pairs, refused};
 use svl::recording::ImageFormat;
 use svl::source::{RecordingSource, Source};
 
-/// The message with this stamp in its header and this log time.
-pub(super) fn stamped(message: &Message, stamp: u64, log_time: u64) -> Message {
-    let mut data = message.data.clone();
-    data[4..8].copy_from_slice(&((stamp / 1_000_000_000) as u32).to_le_bytes());
-    data[8..12].copy_from_slice(&((stamp % 1_000_000_000) as u32).to_le_bytes());
-    Message {
-        log_time,
-        ..message.with(data)
-    }
-}
-
 /// A depth image of `z` metres.
 fn depth(z: u64, stamp: u64) -> Message {
-    stamped(&depth32(0, SIZE, |_, _| z as f32), stamp, stamp)
+    depth32(0, SIZE, |_, _| z as f32).at(stamp, stamp)
 }
 
 /// Messages of that many pairs with the stamps of `stamp`.
-fn stereo(count: u64, stamp: impl Fn(u64) -> u64) -> Vec<Message> {
-    let one = &pairs()[..4];
-    let pair = |i| one.iter().map(move |m| (m, i));
-    let messages = (0..count).flat_map(pair);
-    messages
-        .map(|(message, i)| stamped(message, stamp(i), START_NS + i))
-        .collect()
+fn stereo(count: u64, stamp: impl Fn(u64) -> u64) -> Bag {
+    let one = Bag::pairs(1);
+    let pair = |i| {
+        one.clone()
+            .each(|message| [message.at(stamp(i), START_NS + i)])
+    };
+    Bag::new((0..count).flat_map(pair))
 }
 
 /// The true depth of each pair, metres.
-fn depths(messages: &[Message]) -> Vec<Option<u64>> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = bag::write(folder.path(), messages);
-    let mut source = open(&path, "/depth").unwrap().source;
-    let frames = std::iter::from_fn(|| source.next().unwrap());
+fn depths(bag: &Bag) -> Vec<Option<u64>> {
     let depth = |disparity: f32| (FB / f64::from(disparity)).round() as u64;
-    frames
-        .map(|frame| Some(depth(frame.truth?.disparity.get(3, 3))))
+    let truths = truths_in(&bag.saved(), "/depth").into_iter();
+    truths
+        .map(|truth| Some(depth(truth?.disparity.get(3, 3))))
         .collect()
 }
 
@@ -52,49 +37,39 @@ fn all(count: u64) -> Vec<Option<u64>> {
 fn pairs_of_one_stamp_get_truths_in_their_order() {
     let truths = || (1..=4).map(|z| depth(z, START_NS));
     let images = || stereo(4, |_| START_NS);
-    let after: Vec<_> = images().into_iter().chain(truths()).collect();
-    assert_eq!(depths(&after), all(4));
-    let before: Vec<_> = truths().chain(images()).collect();
-    assert_eq!(depths(&before), all(4));
+    assert_eq!(depths(&images().and(truths())), all(4));
+    assert_eq!(depths(&Bag::new(truths()).and(images())), all(4));
     // Two of three stamps are shared.
     let second = |i: u64| START_NS + i / 2 * PERIOD_NS;
     let truths = (0..5).map(|i| depth(i + 1, second(i)));
-    let mixed: Vec<_> = truths.chain(stereo(5, second)).collect();
-    assert_eq!(depths(&mixed), all(5));
+    assert_eq!(depths(&Bag::new(truths).and(stereo(5, second))), all(5));
 }
 
 #[test]
 fn stamps_that_were_never_set_are_those_of_one_moment_of_the_log() {
-    let images = stereo(3, |_| 0).into_iter();
-    let images = images.map(|message| stamped(&message, 0, START_NS));
-    let truths = (1..=3).map(|z| stamped(&depth(z, 0), 0, START_NS));
-    assert_eq!(depths(&images.chain(truths).collect::<Vec<_>>()), all(3));
+    let images = stereo(3, |_| 0).and((1..=3).map(|z| depth(z, 0)));
+    let unset = images.each(|message| [message.at(0, START_NS)]);
+    assert_eq!(depths(&unset), all(3));
 }
 
 #[test]
 fn counts_that_differ_are_refused() {
     let with = |pairs, truths: u64, late_ns: u64| {
         let truths = (1..=truths).map(move |z| depth(z, START_NS + late_ns));
-        stereo(pairs, |_| START_NS).into_iter().chain(truths)
+        stereo(pairs, |_| START_NS).and(truths)
     };
     for (pairs, truths, late_ns, counts) in [
-        (3, 2, 0, ["3 pairs", "2 measurements"]),
-        (1, 2, 0, ["1 pair with", "2 measurements"]),
-        (2, 1, 0, ["2 pairs", "1 measurement with"]),
-        (2, 2, 1000, ["2 pairs", "2 measurements"]),
+        (3, 2, 0, "3 pairs | 2 measurements"),
+        (1, 2, 0, "1 pair with | 2 measurements"),
+        (2, 1, 0, "2 pairs | 1 measurement with"),
+        (2, 2, 1000, "2 pairs | 2 measurements"),
     ] {
-        let [a, b] = counts;
-        refused(
-            with(pairs, truths, late_ns),
-            "/depth",
-            &[a, b, "name another topic"],
-        );
+        let words = format!("{counts} | name another topic");
+        with(pairs, truths, late_ns).refused("/depth", &words);
     }
     // A measurement farther than the limit belongs to no pair.
-    let far: Vec<_> = with(1, 1, 0)
-        .chain((5..7).map(|z| depth(z, START_NS + 1_000_000_000)))
-        .collect();
-    assert_eq!(depths(&far), all(1));
+    let far = (5..7).map(|z| depth(z, START_NS + 1_000_000_000));
+    assert_eq!(depths(&with(1, 1, 0).and(far)), all(1));
 }
 
 #[test]
@@ -102,33 +77,15 @@ fn a_truth_is_found_wherever_it_lies() {
     let images = || stereo(40, stamp);
     let truth = |i: u64| depth(i + 1, stamp(i));
     // The one for each pair, between two that are near but belong to others.
-    let near = |i: u64| {
-        [
-            depth(90, stamp(i) - 2_000_000),
-            depth(91, stamp(i) + 2_000_000),
-        ]
-    };
-    let decoys = || (0..40).flat_map(near);
-    let late: Vec<_> = images()
-        .into_iter()
-        .chain(decoys())
-        .chain((0..40).map(truth))
-        .collect();
+    let near = |i| [(90, stamp(i) - 2_000_000), (91, stamp(i) + 2_000_000)];
+    let decoys = || (0..40).flat_map(near).map(|(z, stamp)| depth(z, stamp));
+    let late = images().and(decoys()).and((0..40).map(truth));
     assert_eq!(depths(&late), all(40));
-    let early: Vec<_> = (0..40).map(truth).chain(decoys()).chain(images()).collect();
+    let early = Bag::new((0..40).map(truth)).and(decoys()).and(images());
     assert_eq!(depths(&early), all(40));
-    let reversed: Vec<_> = images()
-        .into_iter()
-        .chain((0..40).rev().map(truth))
-        .collect();
-    assert_eq!(depths(&reversed), all(40));
+    assert_eq!(depths(&images().and((0..40).rev().map(truth))), all(40));
     // One of them far after all others.
-    let others = (1..40).map(truth);
-    let one: Vec<_> = images()
-        .into_iter()
-        .chain(others)
-        .chain([truth(0)])
-        .collect();
+    let one = images().and((1..40).map(truth)).and([truth(0)]);
     assert_eq!(depths(&one), all(40));
 }
 
@@ -153,28 +110,18 @@ fn a_recording_whose_pairs_share_stamps_is_read_in_order() {
 
 #[test]
 fn a_summary_pairs_as_a_source_does() {
-    let folder = tempfile::tempdir().unwrap();
-    let count = |messages: &[Message]| {
-        let path = bag::write(folder.path(), messages);
-        let summary = summarize(&path).unwrap();
-        let mut source = RecordingSource::open(&path).unwrap();
+    // One right image is missing, and those after it wait for its partner.
+    let mut lonely = stereo(6, |i| START_NS + i / 3 * PERIOD_NS);
+    lonely.0.remove(4 * 2 + 3);
+    let unset = stereo(4, |_| 0).each(|message| [message.at(0, 0)]);
+    for (bag, pairs) in [(stereo(4, |_| START_NS), 4), (unset, 4), (lonely, 3)] {
+        let saved = bag.saved();
+        let summary = summarize(&saved).unwrap();
+        let mut source = RecordingSource::open(&saved).unwrap();
         let frames = std::iter::from_fn(|| source.next().unwrap()).count() as u64;
         let losses = source.finish(frames);
         let unpaired = losses.unpaired + losses.outside;
-        assert_eq!(
-            (summary.pairs, summary.unpaired.unwrap().total()),
-            (frames, unpaired)
-        );
-        frames
-    };
-    assert_eq!(count(&stereo(4, |_| START_NS)), 4);
-    let unset = stereo(4, |_| 0).into_iter();
-    let unset: Vec<_> = unset.map(|message| stamped(&message, 0, 0)).collect();
-    assert_eq!(count(&unset), 4);
-    // One right image is missing, and those after it wait for its partner.
-    let is_missing = |at: usize| at % 4 == 3 && at / 4 == 2;
-    let images = stereo(6, |i| START_NS + i / 3 * PERIOD_NS).into_iter();
-    let images = images.enumerate().filter(|(at, _)| !is_missing(*at));
-    let images: Vec<_> = images.map(|(_, message)| message).collect();
-    assert_eq!(count(&images), 3);
+        assert_eq!(summary.unpaired.unwrap().total(), unpaired);
+        assert_eq!((summary.pairs, frames), (frames, pairs));
+    }
 }

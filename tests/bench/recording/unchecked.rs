@@ -1,49 +1,34 @@
 //! Bags without checksums, as written by ROS 2's recorder: the damage that is detected.
 
+use super::bag::{self, Bag, RAW, STEREO};
 use super::damage::{chunks, records};
-use super::frames::{image, read, summarize};
-use super::{bag, recovery};
-use crate::common::assert_says;
+use super::frames::{read, summarize};
+use super::recovery;
+use super::says::Says;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 use svl::Error;
 use svl::recording::{RecordingSummary, Recovery};
 
-const SIZE: (usize, usize) = (24, 16);
 const PAIRS: u64 = 20;
 
 /// A bag of pairs in several chunks.
 fn specimen(folder: &Path) -> Vec<u8> {
-    let pixels = |seed| image(SIZE, seed).pixels().collect::<Vec<_>>();
-    let messages: Vec<_> = (0..PAIRS)
-        .flat_map(|i| {
-            let stamp = 1_000_000_000 + i * 50_000_000;
-            let image = |topic, seed| bag::ros_image(topic, stamp, SIZE, "mono8", &pixels(seed));
-            [
-                image("/cam0/image_raw", 2 * i),
-                image("/cam1/image_raw", 2 * i + 1),
-            ]
-        })
-        .collect();
-    std::fs::read(bag::write_unchecked(folder, &messages)).unwrap()
+    let pair = |i| RAW.images_at(i, 1_000_000_000 + i * 50_000_000);
+    let bag = Bag::new((0..PAIRS).flat_map(pair));
+    std::fs::read(bag::write_unchecked(folder, &bag.0)).unwrap()
 }
 
 /// The common report of info and recover on `bytes`.
 fn judged(folder: &Path, bytes: &[u8]) -> (RecordingSummary, Recovery) {
     let (recovery, _) = recovery::recovered(folder, bytes);
-    let (summary, recovery) = (
-        summarize(&folder.join("damaged.mcap")).unwrap(),
-        recovery.unwrap(),
-    );
-    assert_eq!(
-        (&summary.losses, &summary.missing),
-        (&recovery.losses, &recovery.missing)
-    );
-    assert_eq!(
-        (summary.checksums, summary.is_intact()),
-        (recovery.checksums, recovery.losses.is_empty())
-    );
+    let summary = summarize(&folder.join("damaged.mcap")).unwrap();
+    let recovery = recovery.unwrap();
+    assert_eq!(summary.losses, recovery.losses);
+    assert_eq!(summary.missing, recovery.missing);
+    assert_eq!(summary.checksums, recovery.checksums);
+    assert_eq!(summary.is_intact(), recovery.losses.is_empty());
     (summary, recovery)
 }
 
@@ -60,23 +45,13 @@ fn pixels_without_a_checksum_are_reported() {
     let (summary, _) = judged(folder.path(), &zeroed);
     assert!(summary.is_intact() && !summary.checksums, "nobody can tell");
     // With checksums it is intact without reservation: in each chunk, or over all the data.
-    let messages = [bag::ros_image(
-        "/cam0/image_raw",
-        5,
-        SIZE,
-        "mono8",
-        &[7; 24 * 16],
-    )];
-    let checked = std::fs::read(bag::write(folder.path(), &messages)).unwrap();
+    let checked = std::fs::read(&*Bag::new(STEREO.images_at(0, 5)).saved()).unwrap();
     let mut in_the_whole = checked.clone();
     let chunk = &chunks(&checked)[0];
     assert!(judged(folder.path(), &checked).0.checksums);
     in_the_whole[chunk.start + 9 + 24..chunk.start + 9 + 28].fill(0);
-    let end = records(&checked)
-        .into_iter()
-        .find(|(opcode, _)| *opcode == 15)
-        .unwrap()
-        .1;
+    let mut records = records(&checked).into_iter();
+    let (_, end) = records.find(|(opcode, _)| *opcode == 15).unwrap();
     let crc = crc32fast::hash(&in_the_whole[..end.start]);
     in_the_whole[end.end - 4..end.end].copy_from_slice(&crc.to_le_bytes());
     let (summary, _) = judged(folder.path(), &in_the_whole);
@@ -91,21 +66,13 @@ fn a_chunk_that_is_not_found_is_missed() {
     bad[chunks(&bytes)[2].start] ^= 0x40;
     let (summary, _) = judged(folder.path(), &bad);
     let lost = summary.missing["/cam0/image_raw"];
-    assert!(
-        !summary.is_intact() && lost > 0 && summary.missing.len() == 2,
-        "{summary:?}"
-    );
+    let is_missed = lost > 0 && summary.missing.len() == 2;
+    assert!(!summary.is_intact() && is_missed, "{summary:?}");
     let (frames, error) = read(&folder.path().join("damaged.mcap"));
-    let text = error.expect("a word").to_string();
-    assert_says(
-        &text,
-        &["a record is of the unknown kind 0x46; intact pairs read: "],
-    );
-    assert!(
-        frames.len() as u64 >= PAIRS - lost - 1 && frames.len() < PAIRS as usize,
-        "{} pairs",
-        frames.len()
-    );
+    let words = "a record is of the unknown kind 0x46; intact pairs read: ";
+    error.expect("a word").says(words);
+    let read = frames.len() as u64;
+    assert!((PAIRS - lost - 1..PAIRS).contains(&read), "{read} pairs");
 }
 
 #[test]
@@ -116,11 +83,8 @@ fn a_damaged_header_is_told_and_the_pairs_are_read() {
         let mut bad = bytes.clone();
         bad[at] ^= bit;
         let (summary, recovery) = judged(folder.path(), &bad);
-        assert!(
-            !summary.is_intact() && summary.losses[0].at_byte == 8,
-            "{:?}",
-            summary.losses
-        );
+        assert!(!summary.is_intact());
+        assert_eq!(summary.losses[0].at_byte, 8, "{:?}", summary.losses);
         assert_eq!(recovery.messages["/cam1/image_raw"], PAIRS);
         let (frames, error) = read(&folder.path().join("damaged.mcap"));
         assert_eq!(frames.len(), pairs);
@@ -133,13 +97,9 @@ fn a_damaged_header_is_told_and_the_pairs_are_read() {
 /// The messages of a file as far as they are distinguishable.
 fn messages(bytes: &[u8]) -> BTreeSet<(String, u64, Vec<u8>)> {
     let messages = mcap::MessageStream::new(bytes).unwrap().map(|message| {
-        let mcap::Message {
-            channel,
-            log_time,
-            data,
-            ..
-        } = message.unwrap();
-        (channel.topic.clone(), log_time, data.into_owned())
+        let message = message.unwrap();
+        let (topic, data) = (message.channel.topic.clone(), message.data.into_owned());
+        (topic, message.log_time, data)
     });
     messages.collect()
 }
@@ -151,47 +111,32 @@ fn any_change_costs_only_its_own_chunk() {
     let all = messages(&bytes);
     let chunks = chunks(&bytes);
     // The messages of a chunk are those that a file without it does not have.
-    let chunk_messages: Vec<_> = chunks
-        .iter()
-        .map(|chunk| {
-            let mut without = bytes.clone();
-            without[chunk.clone()].fill(0);
-            let (_, saved) = recovery::recovered(folder.path(), &without);
-            let lacking = &all - &messages(&std::fs::read(saved).unwrap());
-            assert!(!lacking.is_empty(), "{chunk:?}");
-            lacking
-        })
-        .collect();
-    assert_eq!(
-        chunk_messages.iter().map(BTreeSet::len).sum::<usize>(),
-        all.len()
-    );
+    let of_chunk = |chunk: &Range<usize>| {
+        let mut without = bytes.clone();
+        without[chunk.clone()].fill(0);
+        let (_, saved) = recovery::recovered(folder.path(), &without);
+        let lacking = &all - &messages(&std::fs::read(saved).unwrap());
+        assert!(!lacking.is_empty(), "{chunk:?}");
+        lacking
+    };
+    let chunk_messages: Vec<_> = chunks.iter().map(of_chunk).collect();
+    let counts = chunk_messages.iter().map(BTreeSet::len);
+    assert_eq!(counts.sum::<usize>(), all.len());
     let check = |bad: &[u8], hit: Range<usize>, what: &str| {
         let (_, recovery) = judged(folder.path(), bad);
         let saved = messages(&std::fs::read(folder.path().join("saved.mcap")).unwrap());
+        let losses = &recovery.losses;
+        let is_hit = |chunk: &Range<usize>| chunk.start < hit.end && hit.start < chunk.end;
         for (chunk, messages) in chunks.iter().zip(&chunk_messages) {
-            let missed = chunk.end <= hit.start || hit.end <= chunk.start;
-            assert!(
-                !missed || messages.is_subset(&saved),
-                "{what}: {chunk:?}: {:?}",
-                recovery.losses
-            );
+            let is_saved = messages.is_subset(&saved);
+            assert!(is_hit(chunk) || is_saved, "{what}: {chunk:?}: {losses:?}");
         }
         // Anything changed can only belong to the chunk that was hit, where it is undetectable.
         let wrong = (&saved - &all).len();
-        let inside = chunks
-            .iter()
-            .any(|chunk| chunk.start < hit.end && hit.start < chunk.end);
-        assert!(
-            wrong == 0 || inside,
-            "{what}: {wrong} wrong, {:?}",
-            recovery.losses
-        );
-        assert!(
-            recovery.messages.values().sum::<u64>() == all.len() as u64
-                || !recovery.losses.is_empty(),
-            "{what}"
-        );
+        let is_known = wrong == 0 || chunks.iter().any(is_hit);
+        assert!(is_known, "{what}: {wrong} wrong, {losses:?}");
+        let count: u64 = recovery.messages.values().sum();
+        assert!(count == all.len() as u64 || !losses.is_empty(), "{what}");
     };
     for at in (0..bytes.len() - 400).step_by(crate::common::step(23)) {
         let mut flipped = bytes.clone();

@@ -1,7 +1,8 @@
 //! Videos in messages, coded by ffmpeg without loss: H.264 and H.265, whole and damaged.
 
-use super::bag::{self, Message};
+use super::bag::{self, Bag, Message};
 use super::frames::image;
+use super::says::Says;
 use crate::cli::fixture::{Fixture, has};
 use std::io::Write;
 use std::path::Path;
@@ -27,37 +28,36 @@ pub(super) fn coded(
     b_frames: u32,
 ) -> Vec<Vec<u8>> {
     let frames = format!("{}x{}", size.0, size.1);
-    let options = match codec {
-        "h264" => format!("-c:v libx264 -qp 0 -bf {b_frames} -x264-params aud=1:scenecut=0"),
-        _ => format!(
-            "-c:v libx265 -x265-params lossless=1:bframes={b_frames}:aud=1:scenecut=0:open-gop=0:\
-             repeat-headers=1:log-level=none:keyint={GROUP}:min-keyint={GROUP}"
+    // An H.264 decoder gives grey as the luma of a colour image: exact in the full range. Each
+    // picture begins with an access unit delimiter.
+    let (options, pixels, mark) = match codec {
+        "h264" => (
+            format!("libx264 -qp 0 -bf {b_frames} -x264-params aud=1:scenecut=0"),
+            "yuvj420p",
+            [0, 0, 0, 1, 9],
+        ),
+        _ => (
+            format!(
+                "libx265 -x265-params lossless=1:bframes={b_frames}:aud=1:scenecut=0:open-gop=0:\
+                 repeat-headers=1:log-level=none:keyint={GROUP}:min-keyint={GROUP}"
+            ),
+            "gray",
+            [0, 0, 0, 1, 0x46],
         ),
     };
-    // An H.264 decoder gives grey as the luma of a colour image: exact in the full range.
-    let pixels = if codec == "h264" { "yuvj420p" } else { "gray" };
-    let mut encoder = Command::new("ffmpeg")
-        .args(["-v", "error", "-f", "rawvideo", "-pix_fmt", "gray", "-s"])
-        .args([&frames, "-color_range", "pc", "-i", "pipe:0"])
-        .args(options.split(' '))
-        .args(["-g", &GROUP.to_string(), "-color_range", "pc", "-pix_fmt"])
-        .args([pixels, "-f", codec, "pipe:1"])
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let args = format!(
+        "-v error -f rawvideo -pix_fmt gray -s {frames} -color_range pc -i pipe:0 -c:v {options} \
+         -g {GROUP} -color_range pc -pix_fmt {pixels} -f {codec} pipe:1"
+    );
+    let mut encoder = Command::new("ffmpeg");
+    encoder.args(args.split(' ')).stdin(Stdio::piped());
+    let mut encoder = encoder.stdout(Stdio::piped()).spawn().unwrap();
     let mut input = encoder.stdin.take().unwrap();
     let pixels: Vec<u8> = images.iter().flat_map(Gray::pixels).collect();
     let feeder = std::thread::spawn(move || input.write_all(&pixels));
     let stream = encoder.wait_with_output().unwrap().stdout;
     feeder.join().unwrap().unwrap();
-    // Each picture begins with an access unit delimiter.
-    let mark: &[u8] = if codec == "h264" {
-        &[0, 0, 0, 1, 9]
-    } else {
-        &[0, 0, 0, 1, 0x46]
-    };
-    let starts = (0..stream.len()).filter(|at| stream[*at..].starts_with(mark));
+    let starts = (0..stream.len()).filter(|at| stream[*at..].starts_with(&mark));
     let starts: Vec<_> = starts.chain([stream.len()]).collect();
     let units = starts
         .windows(2)
@@ -74,16 +74,18 @@ fn stamp(i: u64) -> u64 {
 }
 
 /// The messages of both cameras in turn.
-fn messages(build: Build, format: &str, left: &[Vec<u8>], right: &[Vec<u8>]) -> Vec<Message> {
-    let pairs = (0..).zip(left.iter().zip(right));
-    pairs
-        .flat_map(|(i, (left, right))| {
-            [
-                build(LEFT, stamp(i), format, left),
-                build(RIGHT, stamp(i) + 1000, format, right),
-            ]
-        })
-        .collect()
+fn messages(build: Build, format: &str, left: &[Vec<u8>], right: &[Vec<u8>]) -> Bag {
+    let pair = |(i, (left, right)): (u64, (&Vec<u8>, &Vec<u8>))| {
+        let left = build(LEFT, stamp(i), format, left);
+        [left, build(RIGHT, stamp(i) + 1000, format, right)]
+    };
+    let pairs = left.iter().zip(right);
+    Bag::new((0..).zip(pairs).flat_map(pair))
+}
+
+/// Twenty pictures of both cameras, coded.
+fn sides(codec: &str) -> [Vec<Vec<u8>>; 2] {
+    [0, 1].map(|side| coded(SIZE, codec, &images(20, side), 0))
 }
 
 /// Numbers of the pairs that can be read, by their stamps; their images are checked. The reasons of
@@ -121,18 +123,16 @@ fn the_pictures_are_those_of_the_images() {
         (bag::ffmpeg_packet, "hevc", "hevc;yuv420p;mono8;mono8"),
     ];
     for (build, codec, format) in kinds {
-        let sides = [0, 1].map(|side| coded(SIZE, codec, &images(20, side), 0));
-        let all = messages(build, format, &sides[0], &sides[1]);
-        let folder = tempfile::tempdir().unwrap();
-        let path = bag::write(folder.path(), &all);
+        let [left, right] = sides(codec);
+        let all = messages(build, format, &left, &right);
+        let saved = all.saved();
         let expected = (0..20).collect::<Vec<_>>();
         // Again, and with all messages of a camera before those of the other.
         for _ in 0..2 {
-            assert_eq!(numbers(&path), (expected.clone(), vec![]), "{format}");
+            assert_eq!(numbers(&saved), (expected.clone(), vec![]), "{format}");
         }
-        let (left, right): (Vec<_>, Vec<_>) = all.into_iter().partition(|m| m.topic == LEFT);
-        let path = bag::write(folder.path(), &[right, left].concat());
-        assert_eq!(numbers(&path).0, expected);
+        let right_first = all.clone().without(LEFT).and(all.without(RIGHT));
+        assert_eq!(numbers(&right_first.saved()).0, expected);
     }
 }
 
@@ -141,58 +141,46 @@ fn after_damage_a_video_goes_on_at_the_next_keyframe() {
     if !has("ffmpeg", &["-version"]) {
         return;
     }
-    for (codec, build) in [
-        ("h264", bag::foxglove_video as Build),
-        ("hevc", bag::ros_video),
-    ] {
-        let sides = [0, 1].map(|side| coded(SIZE, codec, &images(20, side), 0));
-        let all = messages(build, codec, &sides[0], &sides[1]);
-        let folder = tempfile::tempdir().unwrap();
-        let check = |messages: &[Message], expected: &[u64], words: &str| {
-            let path = bag::write(folder.path(), messages);
-            let (found, reasons) = numbers(&path);
+    let foxglove: Build = bag::foxglove_video;
+    for (codec, build) in [("h264", foxglove), ("hevc", bag::ros_video)] {
+        let [left, right] = sides(codec);
+        let all = messages(build, codec, &left, &right).0;
+        let check = |bag: &Bag, expected: &[u64], words: &str| {
+            let (found, reasons) = numbers(&bag.saved());
             assert_eq!(found, expected, "{codec}: {words}: {reasons:?}");
             let is_it = |reason: &String| reason.contains(words);
             assert!(reasons.iter().any(is_it), "{codec}: {words}: {reasons:?}");
         };
         // Cut at its beginning: two pairs, each of two messages.
         let later: Vec<_> = (6..20).collect();
-        check(&all[4..], &later, "the video begins without one");
+        let cut = Bag(all[4..].to_vec());
+        check(&cut, &later, "the video begins without one");
         // A message of the right camera is lost, between keyframes.
-        let lost = [&all[..2 * 8 + 1], &all[2 * 9..]].concat();
-        let rest = [
-            &(0..8).collect::<Vec<_>>()[..],
-            &(12..20).collect::<Vec<_>>(),
-        ]
-        .concat();
+        let lost = Bag([&all[..2 * 8 + 1], &all[2 * 9..]].concat());
+        let rest: Vec<_> = (0..8).chain(12..20).collect();
         check(&lost, &rest, "a message before it is missing");
         // One is cut off, which H.265 decoders conceal; one is another, or not a video.
-        let with_packet = |i: usize, bytes: &[u8]| {
-            let mut changed = all.clone();
-            changed[i] = build(changed[i].topic, changed[i].log_time, codec, bytes);
+        let with_packet = |format: &str, bytes: &[u8]| {
+            let mut changed = Bag(all.clone());
+            changed.0[16] = build(LEFT, stamp(8), format, bytes);
             changed
         };
-        let picture = &sides[0][8];
+        let picture = &left[8];
         if codec == "h264" {
-            let path = bag::write(
-                folder.path(),
-                &with_packet(16, &picture[..picture.len() / 2]),
-            );
-            assert_eq!(numbers(&path).0, rest);
+            let half = with_packet(codec, &picture[..picture.len() / 2]);
+            assert_eq!(numbers(&half.saved()).0, rest);
         }
-        check(&with_packet(16, b"anything"), &rest, "not in Annex B");
-        check(&with_packet(16, &[]), &rest, "not in Annex B");
-        check(&with_packet(16, &[0, 0, 1]), &rest, "no picture");
-        check(
-            &with_packet(16, &sides[0][9]),
-            &rest,
-            "a message before it is missing",
-        );
-        let both = [&picture[..], &sides[0][9]].concat();
-        check(&with_packet(16, &both), &rest, "one whole picture");
-        let mut other = all.clone();
-        other[16] = build(LEFT, stamp(8), "av1", picture);
-        check(&other, &rest, "svl reads h264 and h265");
+        let both = [&picture[..], &left[9]].concat();
+        for (format, bytes, words) in [
+            (codec, &b"anything"[..], "not in Annex B"),
+            (codec, &[], "not in Annex B"),
+            (codec, &[0, 0, 1], "no picture"),
+            (codec, &left[9], "a message before it is missing"),
+            (codec, &both, "one whole picture"),
+            ("av1", picture, "svl reads h264 and h265"),
+        ] {
+            check(&with_packet(format, bytes), &rest, words);
+        }
     }
 }
 
@@ -201,38 +189,29 @@ fn another_size_and_b_frames_are_dropped_with_the_reason() {
     if !has("ffmpeg", &["-version"]) {
         return;
     }
-    let folder = tempfile::tempdir().unwrap();
     let small = (32, 48);
     let little: Vec<_> = (0..6).map(|i| image(small, i)).collect();
-    let sides = [0, 1].map(|side| {
+    let [left, right] = [0, 1].map(|side| {
         let all = coded(SIZE, "h264", &images(18, side), 0);
         [&all[..6], &coded(small, "h264", &little, 0), &all[12..]].concat()
     });
-    let all = messages(bag::foxglove_video, "h264", &sides[0], &sides[1]);
-    let (found, reasons) = numbers(&bag::write(folder.path(), &all));
-    assert_eq!(
-        found,
-        [&[0, 1, 2, 3, 4, 5][..], &[12, 13, 14, 15, 16, 17]].concat()
-    );
-    assert!(
-        reasons[0].contains("32x48 pixels, the video began with 64x48"),
-        "{reasons:?}"
-    );
+    let all = messages(bag::foxglove_video, "h264", &left, &right);
+    let (found, reasons) = numbers(&all.saved());
+    assert!(found.into_iter().eq((0..6).chain(12..18)));
+    reasons[0]
+        .as_str()
+        .says("32x48 pixels, the video began with 64x48");
     // Images that move, so that the encoder uses B-frames.
     let moving =
         |i: usize| Gray::from_fn(SIZE.0, SIZE.1, |x, y| ((x + 2 * i) * 7 % 200 + y) as u8).unwrap();
     let moving: Vec<_> = (0..12).map(moving).collect();
     let coded = coded(SIZE, "hevc", &moving, 2);
     let all = messages(bag::foxglove_video, "h265", &coded, &coded);
-    let mut reader = Reader::open(bag::write(folder.path(), &all)).unwrap();
-    let pairs = (0..12).map(|_| reader.next_pair());
-    let errors: Vec<_> = pairs
-        .filter_map(|pair| pair.err().map(|e| e.to_string()))
-        .collect();
-    assert!(
-        errors.iter().any(|error| error.contains("B-frames")),
-        "{errors:?}"
-    );
+    let mut reader = Reader::open(&all.saved()).unwrap();
+    let errors = (0..12).filter_map(|_| reader.next_pair().err());
+    let errors: Vec<_> = errors.map(|error| error.to_string()).collect();
+    let is_named = errors.iter().any(|error| error.contains("B-frames"));
+    assert!(is_named, "{errors:?}");
 }
 
 #[test]
@@ -241,26 +220,16 @@ fn a_video_becomes_a_recording_of_svl() {
         return;
     }
     let fixture = Fixture::new();
-    let sides = [0, 1].map(|side| coded(SIZE, "h264", &images(20, side), 0));
-    let all = messages(bag::foxglove_video, "h264", &sides[0], &sides[1]);
-    bag::write(&fixture.path(""), &all[4..]);
+    let [left, right] = sides("h264");
+    let all = messages(bag::foxglove_video, "h264", &left, &right).0;
+    Bag(all[4..].to_vec()).write(&fixture);
     let info = fixture.run("info bag.mcap");
-    for words in [
-        "foxglove.CompressedVideo",
-        "/left/video (h264, pictures 18, ",
-        "pairs           14\n",
-    ] {
-        assert!(info.contains(words), "{words}: {info}");
-    }
-    let ran = fixture.svl(&["record", "bag.mcap", "-o", "run.mcap"]);
-    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
+    info.says("foxglove.CompressedVideo | /left/video (h264, pictures 18,  | pairs           14\n");
+    fixture.svl("record bag.mcap -o run.mcap").exits(4);
     fixture.run("record bag.mcap -o run.mcap --allow-loss 4 --force");
-    assert_eq!(
-        numbers(&fixture.path("run.mcap")),
-        ((6..20).collect(), vec![])
-    );
+    let found = numbers(&fixture.path("run.mcap"));
+    assert_eq!(found, ((6..20).collect(), vec![]));
     let nowhere = fixture.path("nowhere").display().to_string();
-    fixture
-        .svl_with(&["replay", "bag.mcap"], &[("PATH", &nowhere)])
-        .failed(1, &["not installed", "apt install ffmpeg"]);
+    let ran = fixture.svl_with("replay bag.mcap", &[("PATH", &nowhere)]);
+    ran.failed(1, &["not installed", "apt install ffmpeg"]);
 }

@@ -1,7 +1,7 @@
 //! The HTML page.
 
 use super::fixture::{cell, example, row};
-use crate::common::assert_says;
+use crate::cli::transcript::assert_words;
 use svl::manifest::{AlgorithmRecord, Manifest};
 use svl::overlay::{Nearness, algorithm_color, marks};
 use svl::report::html::{
@@ -22,26 +22,29 @@ fn page(summary: Results) -> ReportPage {
     manifest.algorithms = records.collect();
     manifest.machine.processor = "<script>alert(1)</script>".into();
     manifest.pairs_hash = Some("58d0".into());
+    let times_ms = summary.algorithms.iter().map(|a| {
+        let times_ms = [a.p50_ms, a.max_ms].map(Option::unwrap);
+        (a.algorithm.clone(), times_ms.to_vec())
+    });
     ReportPage {
         manifest,
         gate: Vec::new(),
         description: "A & B.\n\nC.".into(),
-        times_ms: summary
-            .algorithms
-            .iter()
-            .map(|a| {
-                (
-                    a.algorithm.clone(),
-                    vec![a.p50_ms.unwrap(), a.max_ms.unwrap()],
-                )
-            })
-            .collect(),
+        times_ms: times_ms.collect(),
         summary,
         sweeps: Vec::new(),
         figures: Vec::new(),
         scenes: Vec::new(),
         cases: None,
         maps: Vec::new(),
+    }
+}
+
+/// A page of the example with these figures.
+fn with_figures(figures: Vec<CheckpointFigure>) -> ReportPage {
+    ReportPage {
+        figures,
+        ..page(example())
     }
 }
 
@@ -74,41 +77,30 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
         distance_m: Some(0.8),
         infinity_px: Some(0.0),
     };
-    let known = Cell {
-        valid_share: 1.0,
-        depth: Some(depth),
+    let with_depth = |depth: Option<CellDepth>| Cell {
+        valid_share: f64::from(u8::from(depth.is_some())),
+        depth,
         ..Cell::UNKNOWN
     };
-    let unknown = Cell {
-        valid_share: 0.0,
-        depth: None,
-        ..Cell::UNKNOWN
+    let (known, unknown) = (with_depth(Some(depth)), with_depth(None));
+    let shape = GridShape {
+        columns: 3,
+        rows: 1,
     };
     let drawn = |cells: [Cell; 3]| {
-        let grid = DepthGrid::new(
-            GridShape {
-                columns: 3,
-                rows: 1,
-            },
-            cells.to_vec(),
-        )
-        .unwrap();
+        let grid = DepthGrid::new(shape, cells.to_vec()).unwrap();
         marks(&grid, (30, 10), Nearness::new(40.0, 0.0))
     };
+    let failure = (!passed).then(|| "(0, 0) is wrong".to_owned());
     let verdicts = [Verdict::Wrong, Verdict::Right, Verdict::Unknown];
+    let cells = verdicts.into_iter().zip(0..);
     FrameShot {
         row: row("v3", 143, 5_000),
-        cells: verdicts
-            .into_iter()
-            .zip(0..)
+        cells: cells
             .map(|(verdict, column)| cell("v3", column, verdict))
             .collect(),
         passed: Some(passed),
-        failures: if passed {
-            Vec::new()
-        } else {
-            vec!["(0, 0) is wrong".into()]
-        },
+        failures: failure.into_iter().collect(),
         findings: Vec::new(),
         left: left.to_vec(),
         size: (30, 10),
@@ -138,111 +130,56 @@ fn scene() -> SceneFigure {
 
 #[test]
 fn the_page_shows_every_figure_and_holds_every_image_once() {
+    let opening = vec![
+        (Rank::Worst, shot(false, b"one")),
+        (Rank::Best, shot(true, b"two")),
+    ];
     let figures = vec![
-        figure(
-            1,
-            "1 opening",
-            vec![
-                (Rank::Worst, shot(false, b"one")),
-                (Rank::Best, shot(true, b"two")),
-            ],
-        ),
+        figure(1, "1 opening", opening),
         figure(2, "2 ball", vec![(Rank::Worst, shot(true, b"one"))]),
         figure(3, "3 bridge", vec![]),
     ];
-    let html = ReportPage {
-        figures,
-        ..page(example())
-    }
-    .render()
-    .unwrap();
-    let count = |text: &str| count(&html, text);
-    // "one", "two" and the maps in base64; six overlays and three maps of each kind show them.
-    assert_eq!(
-        [
-            "data:image/png;base64,",
-            "b25l\"",
-            "dHdv\"",
-            "cHJldmlldw==\""
-        ]
-        .map(count),
-        [5, 1, 1, 1]
+    let html = with_figures(figures).render().unwrap();
+    // "one", "two" and the maps in base64; six overlays and three maps of each kind show them. With
+    // a key of the errors. Besides the legend: two known cells, an unknown and a wrong one per
+    // estimate, three known ones per truth. The checkpoint that the first algorithm fails; frames
+    // of 4: a square and two frames.
+    assert_words(
+        &html,
+        "5x data:image/png;base64, | 1x b25l\" | 1x dHdv\" | 1x cHJldmlldw==\" \
+        | 4x href=\"#i0\" | 3x href=\"#i1\" | 3x href=\"#i2\" | 3x href=\"#i3\" | 2x href=\"#i4\" \
+        | no estimate | 16x class=\"median\" | 4x class=\"dot\" | 4x href=\"#wrong\" \
+        | <rect class=\"median\" x=\"2.5\" y=\"2.5\" width=\"5.0\" height=\"5.0\"/> \
+        | seed 7, frame 143 | cells: 12 right, 1 wrong, 2 unknown \
+        | wrong: (0, 0) 0.80 m, true 0.40 m, obstacle missed | (0, 0) is wrong \
+        | 3x passes in 4 of 4 frames | 1x data-first=\"cp1\" | 1x class=\"unseen\" \
+        | 2x <a class=\"cp\" | 3x data-choose= | !data-toggle= | 3x data-rank=\"worst\"",
     );
-    let shown = (0..5).map(|i| count(&format!("href=\"#i{i}\"")));
-    assert_eq!(shown.collect::<Vec<_>>(), [4, 3, 3, 3, 2]);
-    // With a key of the errors.
-    assert!(html.contains("no estimate"));
-    // Besides the legend: two known cells, an unknown and a wrong one per estimate, three known
-    // ones per truth.
-    assert_eq!(
-        ["class=\"median\"", "class=\"dot\"", "href=\"#wrong\""].map(count),
-        [16, 4, 4]
-    );
-    assert!(
-        html.contains("<rect class=\"median\" x=\"2.5\" y=\"2.5\" width=\"5.0\" height=\"5.0\"/>")
-    );
-    assert!(
-        html.contains("seed 7, frame 143") && html.contains("cells: 12 right, 1 wrong, 2 unknown")
-    );
-    assert!(html.contains("wrong: (0, 0) 0.80 m, true 0.40 m, obstacle missed"));
-    assert!(html.contains("(0, 0) is wrong"));
-    assert_eq!(count("passes in 4 of 4 frames"), 3, "a square, two frames");
-    // The checkpoint that the first algorithm fails.
-    assert_eq!(count("data-first=\"cp1\""), 1);
-    assert_eq!(count("class=\"unseen\""), 1);
     // A square leads to the frames of its checkpoint and algorithm, if there are any.
     for square in ["cp1", "cp2"] {
         let target = format!("href=\"#{square}-0\" data-figure=\"{square}\" data-algorithm=\"v3\"");
-        assert_eq!(
-            [target, format!(" id=\"{square}-0\"")].map(|text| count(&text)),
-            [1, 1]
-        );
+        assert_words(&html, &format!("1x {target} | 1x id=\"{square}-0\""));
     }
-    assert_eq!(
-        [
-            "<a class=\"cp\"",
-            "data-choose=",
-            "data-toggle=",
-            "data-rank=\"worst\""
-        ]
-        .map(count),
-        [2, 3, 0, 3]
-    );
 }
 
 #[test]
 fn the_answer_comes_before_frames_and_all_else_is_folded() {
-    let html = ReportPage {
-        figures: vec![figure(1, "1 opening", vec![(Rank::Best, shot(true, b"x"))])],
-        gate: vec![
-            (GateState::Pass, "kept".into()),
-            (GateState::Fail, "broken".into()),
-        ],
-        ..page(example())
-    }
-    .render()
-    .unwrap();
-    let ids = [
-        "headline",
-        "plot",
-        "frames",
-        "algorithms",
-        "metrics",
-        "speed",
-        "gate",
-        "cite",
-        "made",
+    let figures = vec![figure(1, "1 opening", vec![(Rank::Best, shot(true, b"x"))])];
+    let mut page = with_figures(figures);
+    page.gate = vec![
+        (GateState::Pass, "kept".into()),
+        (GateState::Fail, "broken".into()),
     ];
-    let order = places(&html, &ids);
+    let html = page.render().unwrap();
+    let ids = "headline plot frames algorithms metrics speed gate cite made";
+    let order = places(&html, &ids.split(' ').collect::<Vec<_>>());
     assert!(order.is_sorted(), "{order:?}");
-    assert_eq!(count(&html, "<details"), ids.len() - 3 + 2);
-    // Failed limits are not hidden.
-    assert_eq!(count(&html, "<details id=\"gate\" open>"), 1);
-    assert_eq!(count(&html, "<a href=\"#gate\">"), 1);
-    let own = |label: &str| format!("<tr data-algorithm=\"{label}\">");
-    assert_eq!(count(&html, &own("v3")), 1);
-    assert_eq!(count(&html, "class=\"stack\""), 1, "the other has no truth");
-    assert_eq!(count(&html, "class=\"time\""), 2);
+    // Failed limits are not hidden. The other algorithm has no truth.
+    assert_words(
+        &html,
+        "8x <details | 1x <details id=\"gate\" open> | 1x <a href=\"#gate\"> \
+        | 1x <tr data-algorithm=\"v3\"> | 1x class=\"stack\" | 2x class=\"time\"",
+    );
 }
 
 #[test]
@@ -262,52 +199,29 @@ fn an_algorithm_has_one_color_wherever_it_is() {
 
 #[test]
 fn the_page_shows_scenes_with_truth_and_errors() {
-    let summary = super::fixture::summary(vec![row("v3", 0, 1), row("bm", 0, 1)], Vec::new());
-    let html = ReportPage {
-        scenes: vec![scene()],
-        ..page(summary.clone())
-    }
-    .render()
-    .unwrap();
-    let count = |text: &str| count(&html, text);
-    assert_eq!(
-        [
-            "<img ",
-            "data:image/jpeg;base64,/9j/",
-            "alt=\"teddy &lt;&amp;&gt;: errors of bm\""
-        ]
-        .map(count),
-        [6, 1, 1]
-    );
-    assert!(html.contains("</i>53 px") && html.contains("45 × 37 pixels"));
+    let html = |scenes| {
+        let rows = vec![row("v3", 0, 1), row("bm", 0, 1)];
+        let summary = super::fixture::summary(rows, Vec::new());
+        let page = ReportPage {
+            scenes,
+            ..page(summary)
+        };
+        page.render().unwrap()
+    };
     // The key of the errors: its ends, KITTI's 3 px in its middle, and the key for pixels without
     // one.
-    assert_says(
-        &html,
-        &[
-            "&lt;\u{202f}0.19<",
-            "&lt;\u{202f}3<",
-            "&lt;\u{202f}6<",
-            "≥\u{202f}48 px<",
-            "no estimate",
-            "not scored",
-        ],
-    );
-    assert_eq!(
-        ["data-choose=\"f0\"", "data-toggle=", "id=\"pictured\""].map(count),
-        [1, 2, 0]
+    assert_words(
+        &html(vec![scene()]),
+        "6x <img  | 1x data:image/jpeg;base64,/9j/ \
+        | 1x alt=\"teddy &lt;&amp;&gt;: errors of bm\" | </i>53 px | 45 × 37 pixels \
+        | &lt;\u{202f}0.19< | &lt;\u{202f}3< | &lt;\u{202f}6< | ≥\u{202f}48 px< | no estimate \
+        | not scored | 1x data-choose=\"f0\" | 2x data-toggle= | !id=\"pictured\"",
     );
     let one = SceneFigure {
         shots: scene().shots.split_off(1),
         ..scene()
     };
-    let html = ReportPage {
-        scenes: vec![one],
-        ..page(summary)
-    }
-    .render()
-    .unwrap();
-    assert!(html.contains("id=\"pictured\""));
+    assert_words(&html(vec![one]), "id=\"pictured\"");
 }
 
 #[test]
@@ -322,82 +236,65 @@ fn probabilities_have_a_reliability_plot() {
         right: 0.93,
     };
     let without = page(summary.clone()).render().unwrap();
-    assert!(!without.contains("id=\"reliability\""));
+    assert_words(&without, "!id=\"reliability\"");
     summary.reliability = vec![row(0.9, 0.925, 19), row(0.925, 0.95, 20)];
     let html = page(summary).render().unwrap();
-    assert_says(
-        &html,
-        &["id=\"reliability\"", "92.5–95", "predicted right, %"],
-    );
+    assert_words(&html, "id=\"reliability\" | 92.5–95 | predicted right, %");
 }
 
 #[test]
 fn a_page_of_no_pairs_says_so() {
     let html = page(Results::default()).render().unwrap();
-    assert!(html.contains("id=\"nothing\"") && !html.contains("id=\"headline\""));
+    assert_words(&html, "id=\"nothing\" | !id=\"headline\"");
 }
 
 #[test]
 fn a_sweep_is_a_line_with_its_values() {
     let plain = page(example()).render().unwrap();
     let point = |value: &str, label: &str| (value.to_owned(), label.to_owned());
-    let points = vec![point("0.4", "v3"), point("0.8", "v3:texture_sigma=0.8")];
     let sweep = ParameterSweep {
         algorithm: "v3".into(),
         parameter: "texture_sigma".into(),
-        points,
+        points: vec![point("0.4", "v3"), point("0.8", "v3:texture_sigma=0.8")],
     };
     let rows = vec![
         row("v3", 0, 5_000),
         row("v3:texture_sigma=0.8", 0, 2_500),
         row("bm", 0, 1_000),
     ];
-    let swept = ReportPage {
+    let page = ReportPage {
         sweeps: vec![sweep],
         ..page(super::fixture::summary(rows, Vec::new()))
-    }
-    .render()
-    .unwrap();
+    };
+    let swept = page.render().unwrap();
     // Two plots against time, two against coverage.
-    assert_eq!(
-        [&plain, &swept].map(|html| count(html, "\nv3: texture_sigma = 0.4, v3\n")),
-        [0, 4]
+    assert_words(&plain, "!\\nv3: texture_sigma = 0.4, v3\\n | !\\nbm\\n");
+    assert_words(
+        &swept,
+        "4x \\nv3: texture_sigma = 0.4, v3\\n | 7x \\nbm\\n | 7x class=\"plot\" \
+        | 1x <button type=\"button\">texture_sigma</button>",
     );
-    assert_eq!([&plain, &swept].map(|html| count(html, "\nbm\n")), [0, 7]);
-    assert_eq!(count(&swept, "class=\"plot\""), 7);
     // The plot comes first; a column has the value, and the name not.
     let order = places(&swept, &["plot", "headline"]);
     assert!(order.is_sorted(), "{order:?}");
-    assert_eq!(
-        count(&swept, "<button type=\"button\">texture_sigma</button>"),
-        1
-    );
     let named = "title=\"v3:texture_sigma=0.8\"><i class=\"key\"";
-    let from = swept.find(named).unwrap();
-    assert!(
-        swept[from..]
-            .split("</th>")
-            .next()
-            .unwrap()
-            .ends_with("</i>v3")
-    );
+    let (_, cell) = swept.split_once(named).unwrap();
+    assert!(cell.split("</th>").next().unwrap().ends_with("</i>v3"));
 }
 
 #[test]
 fn long_tables_are_cut_by_the_script() {
-    let many = |n: u32| {
-        let rows = (0..n).map(|i| row(&format!("bm:uniqueness={i}"), 0, 1_000));
-        page(super::fixture::summary(rows.collect(), Vec::new()))
-            .render()
-            .unwrap()
-    };
-    let marks = [
-        "class=\"headline long\"",
-        "id=\"all\"",
-        "<tr data-algorithm=",
-    ];
-    assert_eq!(marks.map(|text| count(&many(15), text)), [0, 0, 15]);
-    assert_eq!(marks.map(|text| count(&many(16), text)), [1, 1, 16]);
+    for (algorithms, marks) in [(15, 0), (16, 1)] {
+        let rows = (0..algorithms).map(|i| row(&format!("bm:uniqueness={i}"), 0, 1_000));
+        let page = page(super::fixture::summary(rows.collect(), Vec::new()));
+        assert_words(
+            &page.render().unwrap(),
+            &format!(
+                "{marks}x class=\"headline long\" | {marks}x id=\"all\" \
+                 | {algorithms}x <tr data-algorithm="
+            ),
+        );
+    }
 }
 
 #[test]
@@ -406,37 +303,13 @@ fn the_page_escapes_and_fetches_nothing() {
         about: "<em>".into(),
         ..figure(1, "<u>", vec![(Rank::Best, shot(true, b"x"))])
     };
-    let html = ReportPage {
-        figures: vec![figure],
-        ..page(example())
-    }
-    .render()
-    .unwrap();
+    let html = with_figures(vec![figure]).render().unwrap();
     // The name of a namespace is not an address to fetch.
     let html = html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
-    for raw in [
-        "<title><b>",
-        "<h1><b>",
-        "<script>alert",
-        "<script src",
-        "<u>",
-        "<em>",
-        "A & B",
-        "http:",
-        "https:",
-        "url(",
-    ] {
-        assert!(!html.contains(raw), "{raw}");
-    }
-    assert_eq!(count(&html, "<script"), 1);
-    assert_says(
+    assert_words(
         &html,
-        &[
-            "<h1>&lt;b&gt;</h1>",
-            "&lt;script&gt;",
-            "<h3>&lt;u&gt;</h3>",
-            "<p>A &amp; B.</p>",
-            "<p>C.</p>",
-        ],
+        "!<title><b> | !<h1><b> | !<script>alert | !<script src | !<u> | !<em> | !A & B | !http: \
+        | !https: | !url( | 1x <script | <h1>&lt;b&gt;</h1> | &lt;script&gt; \
+        | <h3>&lt;u&gt;</h3> | <p>A &amp; B.</p> | <p>C.</p>",
     );
 }

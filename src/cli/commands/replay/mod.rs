@@ -87,8 +87,7 @@ pub(crate) struct Args {
     /// PREFIX/scan, sensor_msgs/msg/LaserScan; PREFIX/disparity, stereo_msgs/msg/DisparityImage;
     /// PREFIX/depth, sensor_msgs/msg/Image in metres; and /diagnostics once a second.
     #[arg(
-        long, value_name = "ros2:/PREFIX", value_parser = publish_address, help_heading = "Output",
-        hide_short_help = true
+        long, value_name = "ros2:/PREFIX", value_parser = publish_address, help_heading = "Output"
     )]
     publish: Option<String>,
     /// Publish a point and its grey value per pixel with a distance, in place of cells

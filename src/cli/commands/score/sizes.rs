@@ -24,7 +24,7 @@ pub(super) struct SizeArgs {
     /// Such cells are no obstacles: their right and wrong ones are counted apart.
     #[arg(
         long, value_name = "M", value_parser = usage::within(0.01..=1000.0),
-        help_heading = "Scoring", hide_short_help = true
+        help_heading = "Scoring"
     )]
     beyond: Option<f64>,
     /// Cells of the obstacle grid [default: the scenario's, else 5x3]

@@ -126,13 +126,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let algorithms = args.algorithms();
     let tuned = open(args, &algorithms, quiet)?;
     let (viewer, without) = destination(args)?;
-    let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
-        algorithm: algorithm.filtered(&filters),
-        grid: tuned.judge.grid,
-        cells: tuned.judge.cells,
-        filters: filters.clone(),
-    });
-    let mut settings: Vec<_> = settings.collect();
     let (name, open) = (tuned.name, tuned.open);
     let (sampler, store) = if tuned.is_live {
         (None, FrameStore::live(open()?))
@@ -143,20 +136,24 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (Some(sampler), store)
     };
     let mut stepper = Stepper::new(&name, store)?;
-    for setting in &mut settings {
+    let frame = stepper.frame();
+    let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
+        algorithm: algorithm.filtered(&filters),
+        grid: tuned.judge.grid,
         // Without a rig disparities are scored, so the knobs are those of their rule.
-        setting.cells = setting.cells.for_rig(stepper.frame().rig().is_some());
-    }
-    let has_truth = stepper.frame().truth.is_some();
+        cells: tuned.judge.cells.for_rig(frame.rig().is_some()),
+        filters: filters.clone(),
+    });
+    let settings: Vec<_> = settings.collect();
     let judge = Judge {
-        photometric: !has_truth,
+        photometric: frame.truth.is_none(),
         ..tuned.judge
     };
-    let target = viewer.map(|target| (target, name.clone()));
-    let worker = TuneWorker::begin(sampler, judge, target)?;
-    let raw = stepper.frame().rectified().is_err().then(|| {
+    let raw = frame.rectified().is_err().then(|| {
         "its pairs are raw, and taken as rectified: --calib names a calibration".to_owned()
     });
+    let target = viewer.map(|target| (target, name.clone()));
+    let worker = TuneWorker::begin(sampler, judge, target)?;
     if let Some(words) = raw.or(without) {
         stepper.say(words);
     }

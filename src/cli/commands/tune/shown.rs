@@ -22,10 +22,10 @@ pub(super) struct Job {
 /// The state that the tool shows.
 #[derive(Clone, Default)]
 pub(super) struct TuneState {
-    /// Counts the jobs that were asked for, and the last of them whose frame is done.
-    pub(super) wanted: u64,
+    /// Counts the jobs whose frame is done.
     pub(super) done: u64,
-    pub(super) frame: Option<FrameView>,
+    /// The frame, through the setting and the one compared with; `None` where an algorithm failed.
+    pub(super) sides: [Option<FrameSide>; 2],
     pub(super) sample: SampleView,
     /// An error or warning, to be reported once.
     pub(super) says: Option<String>,
@@ -35,13 +35,12 @@ pub(super) struct TuneState {
     pub(super) tried: Arc<Vec<(String, Vec<Change>)>>,
 }
 
-/// The frame, through the setting and the one compared with.
-#[derive(Clone)]
-pub(super) struct FrameView {
-    /// `None` where an algorithm failed.
-    pub(super) sides: [Option<FrameSide>; 2],
-    pub(super) ms: [Option<f64>; 2],
-    pub(super) pixels: usize,
+impl TuneState {
+    /// Another value when there is something new to draw.
+    pub(super) fn progress(&self) -> (u64, usize, usize, bool) {
+        let SampleView { done, frames, .. } = self.sample;
+        (self.done, done, frames, self.failure.is_some())
+    }
 }
 
 /// The part of an estimate that is kept.
@@ -49,8 +48,10 @@ pub(super) struct FrameView {
 pub(super) struct FrameSide {
     pub(super) algorithm: String,
     pub(super) metrics: MetricValues,
-    /// Pixels per reason.
-    pub(super) why: [usize; Reason::PIXELS.len()],
+    /// Time of the algorithm, once it is measured.
+    pub(super) ms: Option<f64>,
+    /// Per cent of the pixels per reason.
+    pub(super) why: [f64; Reason::PIXELS.len()],
     /// Disparities, from far and dark to near and light.
     pub(super) picture: Option<Arc<Gray>>,
 }
@@ -73,16 +74,10 @@ impl SampleView {
         let Some((_, larger_is_worse)) = self.ranked_by else {
             return Vec::new();
         };
-        let ranked = self.values.iter();
-        let ranked = ranked.filter_map(|(sequence, value)| Some((*sequence, (*value)?)));
-        let mut ranked: Vec<_> = ranked.collect();
-        ranked.sort_by(|(_, a), (_, b)| {
-            if larger_is_worse {
-                b.total_cmp(a)
-            } else {
-                a.total_cmp(b)
-            }
-        });
+        let known = |&(sequence, value): &(u64, Option<f64>)| Some((sequence, value?));
+        let mut ranked: Vec<_> = self.values.iter().filter_map(known).collect();
+        let sign = if larger_is_worse { -1.0 } else { 1.0 };
+        ranked.sort_by(|(_, a), (_, b)| (sign * a).total_cmp(&(sign * b)));
         ranked
     }
 }
@@ -96,16 +91,16 @@ pub(super) fn sides(judged: &Judged) -> Vec<FrameSide> {
         let range = estimate.range_px.map_or(nearest, |range| range as f32);
         let picture = Gray::from_fn(map.width(), map.height(), |x, y| {
             let d = map.get(x, y);
-            if d.is_finite() {
-                (32.0 + 223.0 * (d / range).clamp(0.0, 1.0)) as u8
-            } else {
-                0
-            }
+            let shade = (32.0 + 223.0 * (d / range).clamp(0.0, 1.0)) as u8;
+            if d.is_finite() { shade } else { 0 }
         });
+        let pixels = (map.width() * map.height()) as f64;
+        let tally = estimate.disparity.tally();
         FrameSide {
             algorithm: estimate.algorithm.clone(),
             metrics: scored.metrics,
-            why: estimate.disparity.tally(),
+            ms: None,
+            why: tally.map(|count| 100.0 * count as f64 / pixels),
             picture: picture.ok().map(Arc::new),
         }
     });

@@ -1,16 +1,14 @@
 //! The work while a person turns knobs: the frame that is shown first, for the screen and for
 //! Rerun, then a sample of the source, until something else is wanted.
 
-use super::shown::{FrameSide, FrameView, Job, LABELS, SampleView, TuneState, sides, title};
+use super::shown::{FrameSide, Job, LABELS, SampleView, TuneState, sides, title};
 use crate::cli::shared::viewer;
 use parking_lot::{Condvar, Mutex};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use svl::depth::GridSettings;
 use svl::manifest::Manifest;
-use svl::matcher::Algorithm;
 use svl::notice::Notice;
 use svl::pass::{Matchers, Monitor, Pace};
 use svl::report::Row;
@@ -18,7 +16,7 @@ use svl::report::compare::changes;
 use svl::score::{Judge, Judged, METRICS, Metric};
 use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene};
 use svl::sink::{WatchSink, finish};
-use svl::stereo::{CellRule, Frame};
+use svl::stereo::Frame;
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
 
 /// Longest time that frames of the sample are matched before a new job is looked for.
@@ -82,9 +80,8 @@ impl TuneWorker {
             sampler,
             seen: VecDeque::new(),
             rerun,
-            matchers: None,
-            built: [None, None],
-            rules: None,
+            matchers: Matchers::default(),
+            built: None,
             rows: BTreeMap::new(),
             compared: None,
         };
@@ -98,7 +95,6 @@ impl TuneWorker {
     /// Asks for something else: what is under way gives way to it.
     pub(super) fn ask(&self, job: Job) {
         let mut state = self.shared.0.lock();
-        state.shown.wanted += 1;
         state.job = Some(job);
         state.is_busy = true;
         self.shared.1.notify_all();
@@ -107,25 +103,23 @@ impl TuneWorker {
     /// The state to show now; messages are reported once.
     pub(super) fn shown(&self) -> TuneState {
         let mut state = self.shared.0.lock();
-        let shown = state.shown.clone();
-        state.shown.says = None;
-        shown
+        let says = state.shown.says.take();
+        TuneState {
+            says,
+            ..state.shown.clone()
+        }
     }
 
     /// Waits until nothing is under way.
     pub(super) fn settle(&self) {
-        let mut state = self.shared.0.lock();
-        while state.is_busy {
-            self.shared.1.wait(&mut state);
-        }
+        let (state, changed) = &*self.shared;
+        changed.wait_while(&mut state.lock(), |state| state.is_busy);
     }
 }
 
 impl Drop for TuneWorker {
     fn drop(&mut self) {
-        let mut state = self.shared.0.lock();
-        state.stops = true;
-        drop(state);
+        self.shared.0.lock().stops = true;
         self.shared.1.notify_all();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -159,11 +153,9 @@ struct Bench {
     sampler: Option<Sampler>,
     seen: VecDeque<Arc<Frame>>,
     rerun: Option<Box<dyn Sink>>,
-    matchers: Option<Matchers>,
-    /// The algorithms that the matchers are built of; `None` where one could not be.
-    built: [Option<Algorithm>; 2],
-    /// Grid and cells of the rows.
-    rules: Option<(GridSettings, CellRule)>,
+    matchers: Matchers,
+    /// The settings that the matchers are built of, and the rows; `None` where one could not be.
+    built: Option<[TunedSetting; 2]>,
     /// By the number of the frame.
     rows: BTreeMap<u64, [Row; 2]>,
     /// Result of the setting compared with for the frame that is shown.
@@ -182,19 +174,18 @@ impl Bench {
             let Some(job) = state.job.take().filter(|_| !state.stops) else {
                 return;
             };
-            let number = state.shown.wanted;
             drop(state);
-            if let Err(error) = self.do_job(&job, number) {
-                let mut state = self.shared.0.lock();
-                state.shown.failure = Some(error.to_string());
-                state.shown.done = number;
+            if let Err(error) = self.do_job(&job) {
+                let shown = &mut self.shared.0.lock().shown;
+                shown.failure = Some(error.to_string());
+                shown.done += 1;
             }
         }
     }
 
-    fn do_job(&mut self, job: &Job, number: u64) -> svl::Result<()> {
+    fn do_job(&mut self, job: &Job) -> svl::Result<()> {
         self.prepare(&job.settings)?;
-        self.show_frame(job, number)?;
+        self.show_frame(&job.frame)?;
         let newest = self.seen.back().map(|frame| frame.sequence);
         if self.sampler.is_none() && newest != Some(job.frame.sequence) {
             self.seen.push_back(Arc::clone(&job.frame));
@@ -209,20 +200,26 @@ impl Bench {
 
     /// Builds the matchers if the settings changed.
     fn prepare(&mut self, settings: &[TunedSetting; 2]) -> svl::Result<()> {
-        let [now, compared] = settings;
-        let algorithms = [now, compared].map(|setting| setting.algorithm.clone());
-        let is_old = [0, 1].map(|i| self.built[i].as_ref() == Some(&algorithms[i]));
-        let rules = Some((now.grid, now.cells));
-        let is_ruled = self.rules == rules;
+        let [now, _] = settings;
+        let algorithms = settings.each_ref().map(|setting| &setting.algorithm);
+        // Both are built the next time where one of them cannot be.
+        let built = self.built.take();
+        let is_old = [0, 1].map(|i| {
+            let mut built = built.iter();
+            built.any(|built| built[i].algorithm == *algorithms[i])
+        });
+        let mut rules = built.iter().map(|[built, _]| (built.grid, built.cells));
+        let is_ruled = rules.any(|rules| rules == (now.grid, now.cells));
         if is_old == [true; 2] && is_ruled {
+            self.built = built;
             return Ok(());
         }
         self.rows.clear();
         {
-            let mut state = self.shared.0.lock();
-            state.shown.failure = None;
-            state.shown.sample = SampleView {
-                frames: state.shown.sample.frames,
+            let shown = &mut self.shared.0.lock().shown;
+            shown.failure = None;
+            shown.sample = SampleView {
+                frames: shown.sample.frames,
                 ..SampleView::default()
             };
         }
@@ -231,78 +228,65 @@ impl Bench {
         self.judge.cells = now.cells;
         self.manifest.algorithms = Manifest::new("tune", &labelled)?.algorithms;
         // Their titles in Rerun are as they are written, without defaults.
-        for (record, setting) in self.manifest.algorithms.iter_mut().zip(settings) {
-            record.parameters = title(&setting.algorithm);
+        for (record, algorithm) in self.manifest.algorithms.iter_mut().zip(algorithms) {
+            record.parameters = title(algorithm);
         }
-        // Both are built the next time where one of them cannot be.
-        self.built = [None, None];
-        match &mut self.matchers {
-            None => self.matchers = Some(Matchers::new(&labelled)?.without_warnings()),
-            Some(matchers) => {
-                let mut others = labelled.iter().zip(is_old).filter(|(_, is_old)| !is_old);
-                others.try_for_each(|(algorithm, _)| matchers.replace(algorithm))?;
-            }
+        if is_old == [false; 2] {
+            self.matchers = Matchers::new(&labelled)?.without_warnings();
+        } else {
+            let mut others = labelled.iter().zip(is_old).filter(|(_, is_old)| !is_old);
+            others.try_for_each(|(algorithm, _)| self.matchers.replace(algorithm))?;
         }
         if !(is_old[1] && is_ruled) {
             self.compared = None;
         }
-        self.built = algorithms.map(Some);
-        self.rules = rules;
+        self.built = Some(settings.clone());
         Ok(())
     }
 
-    fn show_frame(&mut self, job: &Job, number: u64) -> svl::Result<()> {
+    fn show_frame(&mut self, frame: &Arc<Frame>) -> svl::Result<()> {
         let seen: Outbox<Vec<FrameSide>> = Outbox::default();
         let outbox = seen.clone();
         let watch_sink = WatchSink(move |judged: &Judged| outbox.put(sides(judged)));
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(watch_sink)];
         sinks.extend(self.rerun.take());
-        let frames = [Arc::clone(&job.frame)];
+        let frames = [Arc::clone(frame)];
         // Results that are known of this frame are not computed again.
         let known = self.compared.take();
-        let known = known.filter(|(frame, _)| Arc::ptr_eq(frame, &job.frame));
-        let idle = match (&known, &mut self.matchers) {
-            (Some(_), Some(matchers)) => Some(matchers.split_off(1)),
-            _ => None,
-        };
+        let known = known.filter(|(other, _)| Arc::ptr_eq(other, frame));
+        let idle = known.as_ref().map(|_| self.matchers.split_off(1));
         // Quickly: the memory of new matchers is in its times, which are measured afterwards.
         let mut ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
-        // A viewer that was closed is no reason to end.
-        let viewer = sinks.pop().filter(|_| !sinks.is_empty());
-        match &ran {
-            Err(error) if viewer.is_some() => {
-                let words = format!("Rerun is gone, continuing without pictures: {error}");
-                self.shared.0.lock().shown.says = Some(words);
-                ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
-            }
-            _ => self.rerun = viewer,
+        if let Err(error) = &ran
+            && sinks.len() > 1
+        {
+            // A viewer that was closed is no reason to end.
+            let words = format!("Rerun is gone, continuing without pictures: {error}");
+            self.shared.0.lock().shown.says = Some(words);
+            sinks.truncate(1);
+            ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
         }
-        if let (Some(idle), Some(matchers)) = (idle, &mut self.matchers) {
-            matchers.append(idle);
-        }
+        self.rerun = sinks.drain(1..).next();
+        self.matchers.append(idle.unwrap_or_default());
         ran?;
         let mut seen = seen.take();
         seen.extend(known.map(|(_, compared)| compared));
         let side = |label: &str| seen.iter().find(|side| side.algorithm == label).cloned();
         let sides = LABELS.map(side);
-        let compared = sides[1].clone();
-        self.compared = compared.map(|side| (Arc::clone(&job.frame), side));
-        let (width, height) = job.frame.pair.size();
-        let mut state = self.shared.0.lock();
-        state.shown.frame = Some(FrameView {
-            sides,
-            ms: [None; 2],
-            pixels: width * height,
-        });
-        state.shown.done = number;
-        drop(state);
+        self.compared = sides[1].clone().map(|side| (Arc::clone(frame), side));
+        {
+            let shown = &mut self.shared.0.lock().shown;
+            shown.sides = sides;
+            shown.done += 1;
+        }
         let rows = self.evaluate(&frames, &mut Vec::new(), MEASURED)?;
-        let ms = times_ms(&rows);
-        if let Some(frame) = &mut self.shared.0.lock().shown.frame {
-            frame.ms = ms;
+        for side in self.shared.0.lock().shown.sides.iter_mut().flatten() {
+            let row = rows.iter().find(|row| row.algorithm == side.algorithm);
+            let us = row.and_then(|row| row.total_us);
+            side.ms = us.map(|us| us as f64 / 1e3);
         }
         if self.sampler.is_none() {
-            self.keep(rows);
+            self.keep(&rows);
         }
         Ok(())
     }
@@ -323,13 +307,9 @@ impl Bench {
             // A person waits for what is done as soon as possible.
             ends: pace != Pace::Asap,
         };
-        let Some(matchers) = &mut self.matchers else {
-            return Ok(Vec::new());
-        };
-        let ran = evaluate(frames, matchers, &start, pace, sinks, &mut watch);
+        let ran = evaluate(frames, &mut self.matchers, &start, pace, sinks, &mut watch);
         let failure = watch.failure;
-        let table = sinks.remove(0);
-        finish(vec![table])?;
+        finish(vec![sinks.remove(0)])?;
         ran?;
         if failure.is_some() {
             self.shared.0.lock().shown.failure = failure;
@@ -337,15 +317,12 @@ impl Bench {
         Ok(rows.take())
     }
 
-    fn keep(&mut self, rows: Vec<Row>) {
-        let mut rows = rows.into_iter().peekable();
-        while let Some(now) = rows.next() {
+    fn keep(&mut self, rows: &[Row]) {
+        for rows in rows.chunk_by(|row, other| row.sequence == other.sequence) {
             // A frame on which one of them failed is not a pair.
-            let is_other = |row: &Row| row.sequence == now.sequence && row.algorithm == LABELS[1];
-            if now.algorithm == LABELS[0]
-                && let Some(compared) = rows.next_if(is_other)
-            {
-                self.rows.insert(now.sequence, [now, compared]);
+            if let [now, compared] = rows {
+                let pair = [now, compared].map(Row::clone);
+                self.rows.insert(now.sequence, pair);
             }
         }
     }
@@ -361,10 +338,10 @@ impl Bench {
             Some(sampler) => sampler.frames().to_vec(),
             None => self.seen.iter().cloned().collect(),
         };
-        self.shared.0.lock().shown.sample.frames = frames.len();
-        let spread = spread_order(frames.len()).into_iter().map(|i| &frames[i]);
-        let known = |frame: &&Arc<Frame>| self.rows.contains_key(&frame.sequence);
-        let left: Vec<_> = spread.filter(|frame| !known(frame)).cloned().collect();
+        shared.0.lock().shown.sample.frames = frames.len();
+        let spread = spread_order(frames.len()).into_iter();
+        let mut left: Vec<_> = spread.map(|i| Arc::clone(&frames[i])).collect();
+        left.retain(|frame| !self.rows.contains_key(&frame.sequence));
         let (mut left, mut chunk, mut shown) = (&left[..], 1, 1);
         while !left.is_empty() {
             if is_interrupted() {
@@ -373,7 +350,7 @@ impl Bench {
             let (now, later) = left.split_at(chunk.min(left.len()));
             let began = Instant::now();
             let rows = self.evaluate(now, &mut Vec::new(), MEASURED)?;
-            self.keep(rows);
+            self.keep(&rows);
             left = later;
             if began.elapsed() < MAX_CHUNK_TIME / 2 {
                 chunk *= 2;
@@ -386,13 +363,12 @@ impl Bench {
         }
         self.publish();
         if !is_interrupted() && !self.rows.is_empty() {
-            let mut state = self.shared.0.lock();
-            let changes = state.shown.sample.changes.clone();
+            let shown = &mut shared.0.lock().shown;
             let written = job.settings[0].algorithm.written();
-            let tried = Arc::make_mut(&mut state.shown.tried);
+            let tried = Arc::make_mut(&mut shown.tried);
             tried.retain(|(other, _)| *other != written);
             if tried.len() < MAX_REMEMBERED {
-                tried.push((written, changes));
+                tried.push((written, shown.sample.changes.clone()));
             }
         }
         Ok(())
@@ -408,19 +384,13 @@ impl Bench {
             .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
         let value = |row: &&Row| ranked_by.and_then(|(metric, _)| row.metrics.get(metric.name));
         let values = now.iter().map(|row| (row.sequence, value(row))).collect();
-        let mut state = self.shared.0.lock();
-        let sample = &mut state.shown.sample;
-        sample.done = now.len();
-        sample.changes = changes;
-        sample.ranked_by = ranked_by;
-        sample.values = values;
+        let sample = &mut self.shared.0.lock().shown.sample;
+        *sample = SampleView {
+            done: now.len(),
+            frames: sample.frames,
+            changes,
+            ranked_by,
+            values,
+        };
     }
-}
-
-/// The times of the setting and of the one compared with.
-fn times_ms(rows: &[Row]) -> [Option<f64>; 2] {
-    LABELS.map(|label| {
-        let row = rows.iter().find(|row| row.algorithm == label);
-        Some(row?.total_us? as f64 / 1e3)
-    })
 }

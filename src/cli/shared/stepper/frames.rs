@@ -32,13 +32,13 @@ pub(crate) struct FrameStore<'a> {
     /// Index of the source's next frame; `None` after an error.
     next: Option<u64>,
     /// Number of frames, where that is known.
-    count: Option<u64>,
+    pub(super) count: Option<u64>,
     /// The frames read last, the newest behind.
     kept: VecDeque<(u64, Arc<Frame>)>,
     kept_bytes: usize,
     limit_bytes: usize,
-    /// Error that ended the source early.
-    damage: Option<String>,
+    /// Error after which a damaged source has no more frames, until it is reported.
+    pub(super) damage: Option<String>,
 }
 
 /// Source of the frames.
@@ -94,10 +94,10 @@ impl LiveFrames {
 
     /// The newest frame, if there is one since the last; `wait`: until there is one, or an end.
     fn take(&self, wait: bool) -> (Option<Frame>, Option<String>) {
-        let (newest, came) = &*self.shared;
-        let mut newest = newest.lock();
-        while wait && newest.frame.is_none() && newest.ended.is_none() {
-            came.wait(&mut newest);
+        let mut newest = self.shared.0.lock();
+        let is_awaited = |newest: &mut Newest| newest.frame.is_none() && newest.ended.is_none();
+        if wait {
+            self.shared.1.wait_while(&mut newest, is_awaited);
         }
         (newest.frame.take(), newest.ended.take())
     }
@@ -115,26 +115,19 @@ impl Drop for LiveFrames {
 
 impl<'a> FrameStore<'a> {
     pub(crate) fn new(open: Open<'a>) -> anyhow::Result<Self> {
-        Self::with_limit(open, MAX_KEPT_BYTES)
-    }
-
-    fn with_limit(open: Open<'a>, limit_bytes: usize) -> anyhow::Result<Self> {
         let source = open()?;
-        Ok(Self {
-            count: source.pairs(),
-            limit_bytes,
-            ..Self::from_reads(Reads::Recorded { open, source })
-        })
+        let count = source.pairs();
+        Ok(Self::from_reads(Reads::Recorded { open, source }, count))
     }
 
     /// Cameras.
     pub(crate) fn live(source: Box<dyn Source>) -> Self {
-        Self::from_reads(Reads::Live(LiveFrames::begin(source)))
+        Self::from_reads(Reads::Live(LiveFrames::begin(source)), None)
     }
 
-    fn from_reads(reads: Reads<'a>) -> Self {
+    fn from_reads(reads: Reads<'a>, count: Option<u64>) -> Self {
         Self {
-            count: None,
+            count,
             reads,
             next: Some(0),
             kept: VecDeque::new(),
@@ -157,16 +150,6 @@ impl<'a> FrameStore<'a> {
         }
     }
 
-    /// Number of frames, where that is known.
-    pub(crate) fn count(&self) -> Option<u64> {
-        self.count
-    }
-
-    /// Error after which a damaged source has no more frames; returned once.
-    pub(crate) fn take_damage(&mut self) -> Option<String> {
-        self.damage.take()
-    }
-
     /// The frame at `index`, or the last one where there are fewer; none for an empty source.
     ///
     /// # Errors
@@ -187,14 +170,13 @@ impl<'a> FrameStore<'a> {
             let found = kept.find(|(kept, _)| *kept <= index).or(self.kept.front());
             return Ok(found.map(|(index, frame)| (*index, Arc::clone(frame))));
         }
-        if let Some(frame) = self.at(index)? {
-            return Ok(Some((index, frame)));
-        }
-        // Now it is known how many there are, at most.
-        while let Some(last) = self.count.and_then(|count| count.checked_sub(1)) {
-            if let Some(frame) = self.at(last)? {
-                return Ok(Some((last, frame)));
+        let mut sought = Some(index);
+        while let Some(index) = sought {
+            if let Some(frame) = self.at(index)? {
+                return Ok(Some((index, frame)));
             }
+            // Now it is known how many there are, at most.
+            sought = self.count.and_then(|count| count.checked_sub(1));
         }
         Ok(None)
     }
@@ -346,7 +328,10 @@ mod tests {
                 }))
             });
             // Three frames are kept.
-            let mut store = FrameStore::with_limit(open, 600).unwrap();
+            let mut store = FrameStore {
+                limit_bytes: 600,
+                ..FrameStore::new(open).unwrap()
+            };
             let mut sequence = |index| {
                 let found = store.at_most(index).map(|found| found.unwrap());
                 found
@@ -360,7 +345,7 @@ mod tests {
             assert_eq!(sequence(3), Err("frame 6 is a cat".into()));
             assert_eq!(sequence(7), Ok(14));
             assert_eq!(sequence(90), Ok(16), "the last");
-            assert_eq!(store.count(), Some(9));
+            assert_eq!(store.count, Some(9));
             assert!(store.kept.len() <= 3);
             assert_eq!(
                 opened.get() == 1,
@@ -380,7 +365,7 @@ mod tests {
         let mut store = FrameStore::live(Box::new(source));
         let mut sequence = |index| {
             let (index, frame) = store.at_most(index).unwrap().unwrap();
-            (index, frame.sequence, store.take_damage())
+            (index, frame.sequence, store.damage.take())
         };
         let (first, earliest, ended_at_once) = sequence(0);
         assert_eq!(first, 0);

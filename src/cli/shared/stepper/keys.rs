@@ -1,9 +1,11 @@
 //! Keys: from the terminal, or from a script.
 
+use self::Key::Press;
 use crate::cli::shared::usage::two;
 use anyhow::{Context, bail};
+use ratatui::crossterm::event::KeyCode::{self, Char};
 use ratatui::crossterm::event::{
-    self, Event, KeyCode, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
+    self, Event, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
 };
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -13,19 +15,10 @@ use std::time::{Duration, Instant};
 /// A key that was pressed, or a tick where none was for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Key {
-    Char(char),
-    Enter,
-    Escape,
-    Backspace,
-    Delete,
-    Left,
-    Right,
-    Up,
-    Down,
+    Press(KeyCode),
     /// Left and right with Shift.
     FarLeft,
     FarRight,
-    Tab,
     /// Ctrl-R.
     Redo,
     /// Ctrl-C.
@@ -49,18 +42,18 @@ pub(crate) enum Key {
 
 /// The keys of a script by their names; any other character is its own name.
 const NAMES: &[(&str, Key)] = &[
-    ("space", Key::Char(' ')),
-    ("enter", Key::Enter),
-    ("esc", Key::Escape),
-    ("backspace", Key::Backspace),
-    ("delete", Key::Delete),
-    ("left", Key::Left),
-    ("right", Key::Right),
-    ("up", Key::Up),
-    ("down", Key::Down),
+    ("space", Press(Char(' '))),
+    ("enter", Press(KeyCode::Enter)),
+    ("esc", Press(KeyCode::Esc)),
+    ("backspace", Press(KeyCode::Backspace)),
+    ("delete", Press(KeyCode::Delete)),
+    ("left", Press(KeyCode::Left)),
+    ("right", Press(KeyCode::Right)),
+    ("up", Press(KeyCode::Up)),
+    ("down", Press(KeyCode::Down)),
     ("shift-left", Key::FarLeft),
     ("shift-right", Key::FarRight),
-    ("tab", Key::Tab),
+    ("tab", Press(KeyCode::Tab)),
     ("ctrl-r", Key::Redo),
     ("ctrl-c", Key::Interrupt),
     ("tick", Key::Tick),
@@ -145,51 +138,47 @@ fn is_closed_within(wait: Duration) -> std::io::Result<bool> {
 
 /// The key of a terminal's event; none for events without a meaning here.
 fn key(event: Event) -> Option<Key> {
-    match event {
-        Event::Key(event) if event.kind == KeyEventKind::Release => None,
-        Event::Key(event) if event.modifiers.contains(KeyModifiers::CONTROL) => match event.code {
-            KeyCode::Char('c' | 'C') => Some(Key::Interrupt),
-            // The size is asked for where it is used.
-            KeyCode::Char('l' | 'L') => Some(Key::Resize(0, 0)),
-            KeyCode::Char('r' | 'R') => Some(Key::Redo),
-            _ => None,
-        },
-        Event::Key(event) => match event.code {
-            KeyCode::Left if event.modifiers.contains(KeyModifiers::SHIFT) => Some(Key::FarLeft),
-            KeyCode::Right if event.modifiers.contains(KeyModifiers::SHIFT) => Some(Key::FarRight),
-            KeyCode::Tab => Some(Key::Tab),
-            KeyCode::Char(c) => Some(Key::Char(c)),
-            KeyCode::Enter => Some(Key::Enter),
-            KeyCode::Esc => Some(Key::Escape),
-            KeyCode::Backspace => Some(Key::Backspace),
-            KeyCode::Delete => Some(Key::Delete),
-            KeyCode::Left => Some(Key::Left),
-            KeyCode::Right => Some(Key::Right),
-            KeyCode::Up => Some(Key::Up),
-            KeyCode::Down => Some(Key::Down),
-            _ => None,
-        },
-        Event::Mouse(event) if event.kind == MouseEventKind::Down(MouseButton::Left) => {
-            Some(Key::Click(event.column, event.row))
+    let pressed = match event {
+        Event::Key(event) if event.kind != KeyEventKind::Release => event,
+        Event::Mouse(event) => {
+            return match event.kind {
+                MouseEventKind::Down(MouseButton::Left) => {
+                    Some(Key::Click(event.column, event.row))
+                }
+                MouseEventKind::ScrollUp => Some(Key::ScrollUp),
+                MouseEventKind::ScrollDown => Some(Key::ScrollDown),
+                _ => None,
+            };
         }
-        Event::Mouse(event) => match event.kind {
-            MouseEventKind::ScrollUp => Some(Key::ScrollUp),
-            MouseEventKind::ScrollDown => Some(Key::ScrollDown),
-            _ => None,
-        },
-        Event::Resize(columns, rows) => Some(Key::Resize(columns, rows)),
-        _ => None,
+        Event::Resize(columns, rows) => return Some(Key::Resize(columns, rows)),
+        _ => return None,
+    };
+    let is_control = pressed.modifiers.contains(KeyModifiers::CONTROL);
+    let is_shifted = pressed.modifiers.contains(KeyModifiers::SHIFT);
+    match pressed.code {
+        Char('c' | 'C') if is_control => Some(Key::Interrupt),
+        // The size is asked for where it is used.
+        Char('l' | 'L') if is_control => Some(Key::Resize(0, 0)),
+        Char('r' | 'R') if is_control => Some(Key::Redo),
+        _ if is_control => None,
+        KeyCode::Left if is_shifted => Some(Key::FarLeft),
+        KeyCode::Right if is_shifted => Some(Key::FarRight),
+        Char(c) => Some(Press(Char(c))),
+        code => {
+            let mut named = NAMES.iter().map(|(_, key)| *key);
+            named.find(|key| *key == Press(code))
+        }
     }
 }
 
 fn parse(token: &str, keys: &mut Vec<Key>) -> anyhow::Result<()> {
     let mut characters = token.chars();
     if let (Some(only), None) = (characters.next(), characters.next()) {
-        keys.push(Key::Char(only));
+        keys.push(Press(Char(only)));
     } else if let Some((_, key)) = NAMES.iter().find(|(name, _)| *name == token) {
         keys.push(*key);
     } else if let Some(text) = token.strip_prefix('"').and_then(|t| t.strip_suffix('"')) {
-        keys.extend(text.chars().map(Key::Char));
+        keys.extend(text.chars().map(|c| Press(Char(c))));
     } else if let Some((column, row)) = token.strip_prefix("click:").and_then(|t| two(t, ',')) {
         keys.push(Key::Click(column, row));
     } else if let Some((w, h)) = token.strip_prefix("resize:").and_then(|t| two(t, 'x')) {
@@ -225,8 +214,8 @@ mod tests {
     #[test]
     fn a_token_is_a_key() {
         let keys = script("# a comment\n. # right \"0.4\"\nclick:3,4 resize:80x24\n").unwrap();
-        let typed = ['0', '.', '4'].map(Key::Char);
-        let mut expected = vec![Key::Char('.'), Key::Char('#'), Key::Right];
+        let typed = ['0', '.', '4'].map(|c| Press(Char(c)));
+        let mut expected = vec![Press(Char('.')), Press(Char('#')), Press(KeyCode::Right)];
         expected.extend(typed);
         expected.extend([Key::Click(3, 4), Key::Resize(80, 24)]);
         assert_eq!(keys, expected);

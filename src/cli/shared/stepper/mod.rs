@@ -3,7 +3,6 @@
 
 mod frames;
 mod keys;
-mod line_edit;
 pub(crate) mod picture;
 mod screen;
 
@@ -12,10 +11,13 @@ pub(crate) use keys::Key;
 
 use crate::cli::shared::log;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
+use keys::Key::Press;
 use keys::Keys;
-use line_edit::{Edited, LineEdit};
-use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::crossterm::event::KeyCode::{Backspace, Char, Enter, Esc};
+use ratatui::layout::Constraint::{Fill, Length};
+use ratatui::layout::{Layout, Rect};
+use ratatui::style::Stylize;
+use ratatui::text::Text;
 use ratatui::widgets::{Block, Clear, Paragraph};
 use screen::Screen;
 use std::path::Path;
@@ -25,42 +27,38 @@ use svl::printable_line;
 use svl::stereo::Frame;
 
 /// A tool that is used on the frames.
-pub(crate) trait StepTool {
+pub(crate) trait StepTool: Sized {
     /// Keys beside the stepper's, and what each does, for the help.
-    fn keys(&self) -> &'static [(&'static str, &'static str)];
+    const KEYS: &'static [(&'static str, &'static str)];
+
+    /// The keys listed in the last line.
+    const HINT: &'static str = ", . step  < > ten  space play  g go to  ? all keys  q quit";
 
     /// Another frame is shown.
-    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()>;
+    fn show(&mut self, stepper: &mut Stepper<'_, Self>) -> anyhow::Result<()>;
 
-    /// Takes a key, before the stepper does.
-    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
+    /// Takes a key, before the stepper does; false if it is not one of the tool's.
+    fn key(&mut self, key: Key, stepper: &mut Stepper<'_, Self>) -> anyhow::Result<bool>;
 
-    /// Takes the line that it asked for by [`Stepper::ask`].
-    fn answer(&mut self, _text: &str, _stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+    /// A key was taken, by the tool, by the stepper or as an answer.
+    fn acted(&mut self, _stepper: &mut Stepper<'_, Self>) -> anyhow::Result<()> {
         Ok(())
     }
 
-    /// Question that the next key answers, in place of the message.
-    fn question(&self) -> Option<String> {
-        None
-    }
-
     /// Receives the results of its work in the background; true if there is something to draw.
-    fn poll(&mut self, _stepper: &mut Stepper<'_>) -> bool {
+    fn poll(&mut self, _stepper: &mut Stepper<'_, Self>) -> bool {
         false
     }
 
     /// Waits until all that it does in the background is done, for a script.
     fn settle(&mut self) {}
 
-    /// The keys listed in the last line.
-    fn hint(&self) -> &'static str {
-        ", . step  < > ten  space play  g go to  ? all keys  q quit"
-    }
-
     /// Draws what lies between the lines of the stepper.
-    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>);
+    fn draw(&mut self, stepper: &Stepper<'_, Self>, canvas: &mut ToolCanvas<'_, '_>);
 }
+
+/// Takes the answer to a question: a line, or a key.
+pub(crate) type Then<T, A> = fn(&mut T, A, &mut Stepper<'_, T>);
 
 /// The part of the screen that a tool draws on.
 pub(crate) struct ToolCanvas<'c, 'f> {
@@ -68,15 +66,6 @@ pub(crate) struct ToolCanvas<'c, 'f> {
     pub(crate) area: Rect,
     /// [`Screen::has_shades`].
     pub(crate) shades: bool,
-}
-
-/// Reaction of a tool to a key.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Reaction {
-    /// It is not one of the tool's keys.
-    Ignored,
-    Taken,
-    Quit,
 }
 
 /// Reason of its end.
@@ -101,8 +90,21 @@ const KEYS: &[(&str, &str)] = &[
 /// Interval at which signals are looked for.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// The place in a source.
-pub(crate) struct Stepper<'a> {
+/// Largest number of characters of a line that is typed.
+const MAX_CHARACTERS: usize = 200;
+
+/// A question, and as much of its answer as was typed.
+struct LineEdit<T> {
+    question: String,
+    /// May begin with a proposal.
+    text: String,
+    /// Shown until something is typed.
+    hint: &'static str,
+    then: Then<T, String>,
+}
+
+/// The place in a source, and what the user is asked.
+pub(crate) struct Stepper<'a, T> {
     name: String,
     store: FrameStore<'a>,
     index: u64,
@@ -111,41 +113,43 @@ pub(crate) struct Stepper<'a> {
     period: Duration,
     /// Time of the next frame; `None` unless playing.
     due: Option<Instant>,
-    /// The line that is typed, for the tool unless it is the number of a frame to go to.
-    line: Option<LineEdit>,
-    jumps: bool,
+    /// The line that is typed.
+    line: Option<LineEdit<T>>,
+    /// The question that the next key answers.
+    choice: Option<(String, Then<T, Key>)>,
     help: bool,
     message: String,
     /// True if the tool has to be shown the frame.
     is_new: bool,
+    quits: bool,
 }
 
-impl<'a> Stepper<'a> {
+impl<'a, T> Stepper<'a, T> {
     /// At the first frame.
     ///
     /// # Errors
     /// The errors of the source, and a source without frames.
     pub(crate) fn new(name: &str, mut store: FrameStore<'a>) -> anyhow::Result<Self> {
         let Some((index, frame)) = store.at_most(0)? else {
-            match store.take_damage() {
+            match store.damage.take() {
                 Some(damage) => anyhow::bail!(damage),
                 None => anyhow::bail!("{name}: has no frames"),
             }
         };
-        let is_live = store.is_live();
         Ok(Self {
             name: name.to_owned(),
+            // Cameras play all the time.
+            due: store.is_live().then(Instant::now),
             store,
             index,
             frame,
             period: GLANCE,
-            // Cameras play all the time.
-            due: is_live.then(Instant::now),
             line: None,
-            jumps: false,
+            choice: None,
             help: false,
             message: String::new(),
             is_new: true,
+            quits: false,
         })
     }
 
@@ -164,25 +168,36 @@ impl<'a> Stepper<'a> {
         &self.name
     }
 
-    /// True if the source is cameras.
-    pub(crate) fn is_live(&self) -> bool {
-        self.store.is_live()
-    }
-
     /// Shows a message until the next key.
     pub(crate) fn say(&mut self, message: impl Into<String>) {
         self.message = message.into();
     }
 
-    /// Asks for a line, the tool's [`StepTool::answer`] unless the user cancels it. `text`: what
-    /// it begins with; `hint`: shown while it is empty.
-    pub(crate) fn ask(&mut self, question: String, text: String, hint: &'static str) {
-        self.jumps = false;
+    /// Ends the session.
+    pub(crate) fn quit(&mut self) {
+        self.quits = true;
+    }
+
+    /// Asks for a line, which `then` takes unless the user cancels it. `text`: what it begins
+    /// with; `hint`: shown while it is empty.
+    pub(crate) fn ask(
+        &mut self,
+        question: impl Into<String>,
+        text: String,
+        hint: &'static str,
+        then: Then<T, String>,
+    ) {
         self.line = Some(LineEdit {
-            question,
+            question: question.into(),
             text,
             hint,
+            then,
         });
+    }
+
+    /// Asks a question that the next key answers.
+    pub(crate) fn ask_key(&mut self, question: String, then: Then<T, Key>) {
+        self.choice = Some((question, then));
     }
 
     /// Goes to the frame with that number, or to the next one that there is.
@@ -195,28 +210,34 @@ impl<'a> Stepper<'a> {
         }
     }
 
+    /// Goes to the frame whose number was typed.
+    fn jump(_: &mut T, text: String, stepper: &mut Stepper<'_, T>) {
+        match text.parse() {
+            Ok(sequence) => stepper.go_to(sequence),
+            Err(_) => stepper.say(format!("'{text}' is not the number of a frame")),
+        }
+    }
+
     /// Moves N frames forward or back.
     pub(crate) fn step(&mut self, by: i64) {
-        let to = self.index.saturating_add_signed(by);
-        let found = self.store.at_most(to);
         let before = (self.index, self.frame.stamp_ns);
+        let found = self.store.at_most(self.index.saturating_add_signed(by));
         self.moved(found);
-        if self.index == before.0 && by > 0 && self.is_live() && self.message.is_empty() {
+        if self.index != before.0 {
+            if by == 1 {
+                // The rate at which the frames were taken, where a person can follow it.
+                let passed = Duration::from_nanos(self.frame.stamp_ns.saturating_sub(before.1));
+                self.period = passed.clamp(Duration::from_millis(20), Duration::from_secs(1));
+            }
+        } else if by > 0 && self.store.is_live() && self.message.is_empty() {
             // The next one has not come yet.
             self.period = Duration::from_millis(10);
-        } else if self.index == before.0 {
+        } else {
             self.due = None;
             if self.message.is_empty() {
-                self.say(if by < 0 {
-                    "the first frame"
-                } else {
-                    "the last frame"
-                });
+                let end = if by < 0 { "first" } else { "last" };
+                self.say(format!("the {end} frame"));
             }
-        } else if by == 1 {
-            // The rate at which the frames were taken, where a person can follow it.
-            let passed = Duration::from_nanos(self.frame.stamp_ns.saturating_sub(before.1));
-            self.period = passed.clamp(Duration::from_millis(20), Duration::from_secs(1));
         }
     }
 
@@ -230,55 +251,9 @@ impl<'a> Stepper<'a> {
             Ok(None) => {}
             Err(error) => self.say(format!("{error:#}")),
         }
-        if let Some(damage) = self.store.take_damage() {
+        if let Some(damage) = self.store.damage.take() {
             self.say(damage);
         }
-    }
-
-    /// Takes a key for the line that is typed, else for the tool, else for itself.
-    fn key(&mut self, key: Key, tool: &mut dyn StepTool) -> anyhow::Result<Reaction> {
-        if let Some(line) = &mut self.line {
-            match line.key(key) {
-                Edited::Going => {}
-                Edited::Cancelled => self.line = None,
-                Edited::Done(text) => {
-                    self.line = None;
-                    if !self.jumps {
-                        tool.answer(&text, self)?;
-                    } else if let Ok(sequence) = text.parse() {
-                        self.go_to(sequence);
-                    } else {
-                        self.say(format!("'{text}' is not the number of a frame"));
-                    }
-                }
-            }
-            return Ok(Reaction::Taken);
-        }
-        // Any key leaves the help.
-        if std::mem::take(&mut self.help) {
-            return Ok(Reaction::Taken);
-        }
-        let reaction = tool.key(key, self)?;
-        if reaction != Reaction::Ignored {
-            return Ok(reaction);
-        }
-        match key {
-            Key::Char(',') => self.step(-1),
-            Key::Char('.') => self.step(1),
-            Key::Char('<') => self.step(-10),
-            Key::Char('>') => self.step(10),
-            Key::Char('g') => {
-                self.ask("go to frame".to_owned(), String::new(), "");
-                self.jumps = true;
-            }
-            Key::Char('?') => self.help = true,
-            Key::Char(' ') => {
-                self.due = self.due.is_none().then(Instant::now);
-            }
-            Key::Char(c) => self.say(format!("'{c}' does nothing here; ? shows the keys")),
-            _ => {}
-        }
-        Ok(Reaction::Taken)
     }
 
     /// Plays on if the next frame is due; a script triggers it with a tick.
@@ -298,7 +273,7 @@ impl<'a> Stepper<'a> {
     fn title(&self) -> String {
         let (source, sequence) = (&self.name, self.frame.sequence);
         let name = self.frame.name.as_ref().map(|name| format!(" '{name}'"));
-        let total = self.store.count().map(|count| format!(" of {count}"));
+        let total = self.store.count.map(|count| format!(" of {count}"));
         let (name, total) = (name.unwrap_or_default(), total.unwrap_or_default());
         let place = if sequence == self.index {
             total
@@ -309,50 +284,87 @@ impl<'a> Stepper<'a> {
         let playing = if self.due.is_some() { "  playing" } else { "" };
         format!(" {source}  frame {sequence}{name}{place}  {seconds:.3} s{playing}")
     }
+}
 
-    fn draw(&self, tool: &mut dyn StepTool, shades: bool, canvas: &mut ratatui::Frame<'_>) {
-        let area = canvas.area();
+impl<T: StepTool> Stepper<'_, T> {
+    /// Takes a key as an answer, else for the tool, else for itself.
+    fn key(&mut self, key: Key, tool: &mut T) -> anyhow::Result<()> {
+        if let Some((_, then)) = self.choice.take() {
+            then(tool, key, self);
+            return Ok(());
+        }
+        if let Some(mut line) = self.line.take() {
+            match key {
+                Press(Enter) => {
+                    (line.then)(tool, line.text.trim().to_owned(), self);
+                    return Ok(());
+                }
+                Press(Esc) => return Ok(()),
+                Press(Backspace) => drop(line.text.pop()),
+                Press(Char(c)) if !c.is_control() && line.text.chars().count() < MAX_CHARACTERS => {
+                    line.text.push(c);
+                }
+                _ => {}
+            }
+            self.line = Some(line);
+            return Ok(());
+        }
+        // Any key leaves the help.
+        if std::mem::take(&mut self.help) || tool.key(key, self)? {
+            return Ok(());
+        }
+        match key {
+            Press(Char(',')) => self.step(-1),
+            Press(Char('.')) => self.step(1),
+            Press(Char('<')) => self.step(-10),
+            Press(Char('>')) => self.step(10),
+            Press(Char('g')) => self.ask("go to frame", String::new(), "", Self::jump),
+            Press(Char('?')) => self.help = true,
+            Press(Char(' ')) => self.due = self.due.is_none().then(Instant::now),
+            Press(Char('q')) => self.quit(),
+            Press(Char(c)) => self.say(format!("'{c}' does nothing here; ? shows the keys")),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn draw(&self, tool: &mut T, shades: bool, screen: &mut ratatui::Frame<'_>) {
+        let area = screen.area();
         if area.width < screen::MIN_SIZE.width || area.height < screen::MIN_SIZE.height {
             let words = format!("make the terminal at least {} characters", screen::MIN_SIZE);
-            canvas.render_widget(Paragraph::new(words), area);
-            return;
+            return screen.render_widget(Paragraph::new(words), area);
         }
-        let lines = [1, 0, 1, 1].map(|rows| match rows {
-            0 => Constraint::Fill(1),
-            rows => Constraint::Length(rows),
-        });
-        let [title, middle, message, keys] = Layout::vertical(lines).areas(area);
-        let bar = Style::new().add_modifier(Modifier::REVERSED);
-        let words = printable_line(&self.title());
-        canvas.render_widget(Paragraph::new(words).style(bar), title);
-        let mut tool_canvas = ToolCanvas {
-            screen: canvas,
+        let rows = Layout::vertical([Length(1), Fill(1), Length(1), Length(1)]);
+        let [title, middle, message, keys] = rows.areas(area);
+        let line = |words: &str| Paragraph::new(printable_line(words));
+        screen.render_widget(line(&self.title()).reversed(), title);
+        let mut canvas = ToolCanvas {
+            screen,
             area: middle,
             shades,
         };
-        tool.draw(self, &mut tool_canvas);
-        let line = self.line.as_ref().map(LineEdit::to_string);
-        let question = tool.question().or(line);
-        let words = question.unwrap_or_else(|| self.message.clone());
-        canvas.render_widget(Paragraph::new(printable_line(&words)), message);
-        canvas.render_widget(Paragraph::new(tool.hint()).style(bar), keys);
+        tool.draw(self, &mut canvas);
+        let words = match (&self.choice, &self.line) {
+            (Some((question, _)), _) => question.clone(),
+            (None, Some(line)) if line.text.is_empty() && !line.hint.is_empty() => {
+                format!("{}: _ ({})", line.question, line.hint)
+            }
+            (None, Some(line)) => format!("{}: {}_", line.question, line.text),
+            (None, None) => self.message.clone(),
+        };
+        screen.render_widget(line(&words), message);
+        screen.render_widget(line(T::HINT).reversed(), keys);
         if self.help {
-            help(tool, area, canvas);
+            let lines = KEYS.iter().chain(T::KEYS);
+            let lines = lines.map(|(key, does)| format!(" {key:<14} {does}"));
+            let text = Text::from_iter(lines);
+            let size = [text.width() + 3, text.height() + 2].map(|side| Length(side as u16));
+            let place = area.centered(size[0], size[1]);
+            screen.render_widget(Clear, place);
+            let frame = Block::bordered().title(" keys; any key closes this ");
+            screen.render_widget(Paragraph::new(text).block(frame), place);
         }
     }
-}
-
-fn help(tool: &dyn StepTool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
-    let keys = KEYS.iter().chain(tool.keys());
-    let lines = keys.map(|(key, does)| format!(" {key:<14} {does}"));
-    let lines: Vec<_> = lines.collect();
-    let widths = lines.iter().map(|line| line.chars().count() + 3);
-    let width = widths.max().unwrap_or(0) as u16;
-    let height = lines.len() as u16 + 2;
-    let place = area.centered(Constraint::Length(width), Constraint::Length(height));
-    canvas.render_widget(Clear, place);
-    let frame = Block::bordered().title(" keys; any key closes this ");
-    canvas.render_widget(Paragraph::new(lines.join("\n")).block(frame), place);
 }
 
 /// A terminal, or a script with a screen in memory.
@@ -375,10 +387,10 @@ impl StepSession {
     ///
     /// # Errors
     /// The errors of the tool; a terminal that is gone.
-    pub(crate) fn run(
+    pub(crate) fn run<T: StepTool>(
         mut self,
-        stepper: &mut Stepper<'_>,
-        tool: &mut dyn StepTool,
+        stepper: &mut Stepper<'_, T>,
+        tool: &mut T,
     ) -> anyhow::Result<Ended> {
         let mut screen = match self.0 {
             Keys::Script(_) => Screen::in_memory()?,
@@ -387,7 +399,7 @@ impl StepSession {
         listen_for_interrupt();
         let (shades, is_script) = (screen.has_shades(), matches!(self.0, Keys::Script(_)));
         let mut changed = true;
-        loop {
+        while !stepper.quits {
             if std::mem::take(&mut stepper.is_new) {
                 tool.show(stepper)?;
                 changed = true;
@@ -420,11 +432,11 @@ impl StepSession {
                 key => {
                     changed = true;
                     stepper.message.clear();
-                    if stepper.key(key, tool)? == Reaction::Quit {
-                        return Ok(Ended::Quit);
-                    }
+                    stepper.key(key, tool)?;
+                    tool.acted(stepper)?;
                 }
             }
         }
+        Ok(Ended::Quit)
     }
 }

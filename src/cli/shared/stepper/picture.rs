@@ -1,10 +1,12 @@
 //! A grey image in characters: two pixels of shades in each, or one by a character as dark.
 
+use super::Key::{self, Press};
 use super::ToolCanvas;
 use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::KeyCode::{Down, Left, Right, Up};
 use ratatui::layout::{Position, Rect, Size};
 use ratatui::style::{Color, Style};
-use ratatui::widgets::{Paragraph, Wrap};
+use ratatui::widgets::{Block, BorderType, Paragraph, Widget, Wrap};
 use svl::stereo::{Gray, GridShape};
 
 /// From dark to light.
@@ -72,22 +74,29 @@ pub(crate) fn cell(shape: GridShape, at: (usize, usize), image: Rect) -> Rect {
     Rect::new(column, row, x.len() as u16, y.len() as u16)
 }
 
+/// The cell of a grid beside another one, in the direction of an arrow.
+pub(crate) fn beside(
+    GridShape { columns, rows }: GridShape,
+    (column, row): (usize, usize),
+    arrow: Key,
+) -> (usize, usize) {
+    match arrow {
+        Press(Left) => (column.saturating_sub(1), row),
+        Press(Right) => ((column + 1).min(columns - 1), row),
+        Press(Up) => (column, row.saturating_sub(1)),
+        Press(Down) => (column, (row + 1).min(rows - 1)),
+        _ => (column, row),
+    }
+}
+
 /// The places along the border of a part of the screen, each with its line.
-pub(crate) fn border(part: Rect) -> impl Iterator<Item = (Position, &'static str)> {
-    part.positions().filter_map(move |at| {
-        let (is_left, is_right) = (at.x == part.left(), at.x + 1 == part.right());
-        let (is_top, is_bottom) = (at.y == part.top(), at.y + 1 == part.bottom());
-        let line = match (is_left || is_right, is_top, is_bottom) {
-            (true, true, _) if is_right => "┓",
-            (true, true, _) => "┏",
-            (true, _, true) if is_right => "┛",
-            (true, _, true) => "┗",
-            (true, ..) => "┃",
-            (_, true, _) | (_, _, true) => "━",
-            _ => return None,
-        };
-        Some((at, line))
-    })
+pub(crate) fn border(part: Rect) -> impl Iterator<Item = (Position, String)> {
+    let mut drawn = Buffer::empty(part);
+    let block = Block::bordered().border_type(BorderType::Thick);
+    block.render(part, &mut drawn);
+    let places = part.positions();
+    let lines = places.map(move |at| (at, drawn[at].symbol().to_owned()));
+    lines.filter(|(_, line)| line != " ")
 }
 
 /// One of the 24 greys that every terminal of 256 colours has.
@@ -98,22 +107,15 @@ fn shade(grey: u8) -> Color {
 /// Mean of the pixels that fall into part `column` of `columns`, and `row` of `rows`.
 fn mean(image: &Gray, (column, columns): (u16, u16), (row, rows): (u16, u16)) -> u8 {
     let range = |part: u16, parts: u16, side: usize| {
-        let from = usize::from(part) * side / usize::from(parts);
-        let to = (usize::from(part) + 1) * side / usize::from(parts);
+        let [from, to] = [part, part + 1].map(|end| usize::from(end) * side / usize::from(parts));
         from..to.max(from + 1)
     };
-    let (x, y) = (
-        range(column, columns, image.width()),
-        range(row, rows, image.height()),
-    );
-    let pixels = x.len() * y.len();
-    let sum = y.map(|y| {
-        image.row(y)[x.clone()]
-            .iter()
-            .map(|&p| usize::from(p))
-            .sum::<usize>()
+    let x = range(column, columns, image.width());
+    let rows = range(row, rows, image.height()).map(|y| &image.row(y)[x.clone()]);
+    let (sum, count) = rows.flatten().fold((0, 0), |(sum, count), pixel| {
+        (sum + usize::from(*pixel), count + 1)
     });
-    (sum.sum::<usize>() / pixels) as u8
+    (sum / count) as u8
 }
 
 #[cfg(test)]

@@ -3,18 +3,12 @@
 use crate::cli::shared::log;
 use crate::cli::shared::terminal::{allows_color, print};
 use anyhow::Context;
-use ratatui::backend::{CrosstermBackend, TestBackend};
-use ratatui::buffer::Buffer;
+use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{DisableMouseCapture, EnableMouseCapture};
-use ratatui::crossterm::terminal::{
-    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode, size,
-};
-use ratatui::crossterm::{cursor, execute};
+use ratatui::crossterm::{execute, terminal::size};
 use ratatui::layout::Size;
-use ratatui::{Frame, Terminal};
-use std::io::{IsTerminal, Stdout, stdin, stdout};
-use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
+use ratatui::{DefaultTerminal, Frame, Terminal};
+use std::io::{IsTerminal, stdin, stdout};
 use svl::printable_line;
 
 /// Smallest screen that a tool can be drawn on.
@@ -25,12 +19,9 @@ const SCRIPTED: Size = Size::new(80, 24);
 
 /// The screen that a tool is drawn on.
 pub(crate) enum Screen {
-    Terminal(Terminal<CrosstermBackend<Stdout>>),
+    Terminal(DefaultTerminal),
     Memory(Terminal<TestBackend>),
 }
-
-/// True if the terminal is in raw mode, so that it is restored once.
-static TAKEN: AtomicBool = AtomicBool::new(false);
 
 impl Screen {
     /// # Errors
@@ -56,39 +47,21 @@ impl Screen {
     /// Takes the terminal, which is restored when the screen is dropped, and before the message of
     /// a panic.
     pub(crate) fn from_terminal() -> anyhow::Result<Self> {
-        static HOOK: Once = Once::new();
-        HOOK.call_once(|| {
-            let before = std::panic::take_hook();
-            std::panic::set_hook(Box::new(move |panic| {
-                restore();
-                before(panic);
-            }));
-        });
-        TAKEN.store(true, Ordering::Relaxed);
         log::hold();
-        let taken = enable_raw_mode().and_then(|()| {
-            execute!(
-                stdout(),
-                EnterAlternateScreen,
-                EnableMouseCapture,
-                cursor::Hide
-            )?;
-            Terminal::new(CrosstermBackend::new(stdout()))
+        let taken = ratatui::try_init().and_then(|terminal| {
+            execute!(stdout(), EnableMouseCapture)?;
+            Ok(Self::Terminal(terminal))
         });
         if taken.is_err() {
             restore();
         }
-        taken
-            .map(Self::Terminal)
-            .context("the terminal cannot be used")
+        taken.context("the terminal cannot be used")
     }
 
     /// A screen in memory, of 80x24 characters until [`Screen::resize`].
     pub(crate) fn in_memory() -> anyhow::Result<Self> {
-        Ok(Self::Memory(Terminal::new(TestBackend::new(
-            SCRIPTED.width,
-            SCRIPTED.height,
-        ))?))
+        let backend = TestBackend::new(SCRIPTED.width, SCRIPTED.height);
+        Ok(Self::Memory(Terminal::new(backend)?))
     }
 
     /// True if shades can be shown; else characters replace them.
@@ -99,15 +72,14 @@ impl Screen {
     /// Redraws the screen, of another size where it is in memory.
     pub(crate) fn resize(&mut self, columns: u16, rows: u16) -> anyhow::Result<()> {
         match self {
-            Self::Terminal(terminal) => Ok(terminal.clear()?),
+            Self::Terminal(terminal) => terminal.clear()?,
             Self::Memory(terminal) => {
                 // At least a character: an empty screen cannot be drawn on.
-                terminal
-                    .backend_mut()
-                    .resize(columns.clamp(1, 500), rows.clamp(1, 500));
-                Ok(())
+                let [columns, rows] = [columns, rows].map(|side| side.clamp(1, 500));
+                terminal.backend_mut().resize(columns, rows);
             }
         }
+        Ok(())
     }
 
     pub(crate) fn draw(&mut self, draw: impl FnOnce(&mut Frame<'_>)) -> anyhow::Result<()> {
@@ -121,18 +93,29 @@ impl Screen {
             }
         };
         match self {
-            Self::Terminal(terminal) => terminal.draw(draw).map(|_| ()),
-            Self::Memory(terminal) => return Ok(terminal.draw(draw).map(|_| ())?),
+            Self::Terminal(terminal) => {
+                let drawn = terminal.draw(draw);
+                drawn.context("the terminal cannot be written to")?;
+            }
+            Self::Memory(terminal) => {
+                terminal.draw(draw)?;
+            }
         }
-        .context("the terminal cannot be written to")
+        Ok(())
     }
 
-    /// Prints what a screen in memory shows, without colours.
+    /// Prints what a screen in memory shows, without colours: a line for each row.
     pub(crate) fn print(&self) -> anyhow::Result<()> {
-        match self {
-            Self::Terminal(_) => Ok(()),
-            Self::Memory(terminal) => print(&text(terminal.backend().buffer())),
-        }
+        let Self::Memory(terminal) = self else {
+            return Ok(());
+        };
+        let buffer = terminal.backend().buffer();
+        let rows = buffer.content().chunks(buffer.area.width.max(1).into());
+        let lines = rows.map(|row| {
+            let line: String = row.iter().map(|cell| cell.symbol()).collect();
+            line.trim_end().to_owned() + "\n"
+        });
+        print(&lines.collect::<String>())
     }
 }
 
@@ -146,28 +129,10 @@ impl Drop for Screen {
 
 /// Leaves the terminal as it was. Where that fails, the terminal is gone.
 fn restore() {
-    if TAKEN.swap(false, Ordering::Relaxed) {
-        let _ = execute!(
-            stdout(),
-            DisableMouseCapture,
-            LeaveAlternateScreen,
-            cursor::Show
-        );
-        let _ = disable_raw_mode();
-        log::release();
+    let _ = execute!(stdout(), DisableMouseCapture);
+    // The hook of a panic has left the screen before its message.
+    if !std::thread::panicking() {
+        let _ = ratatui::try_restore();
     }
-}
-
-/// The characters, a line for each row.
-fn text(buffer: &Buffer) -> String {
-    let mut text = String::new();
-    for row in buffer
-        .content()
-        .chunks(usize::from(buffer.area.width).max(1))
-    {
-        let line: String = row.iter().map(|cell| cell.symbol()).collect();
-        text += line.trim_end();
-        text.push('\n');
-    }
-    text
+    log::release();
 }

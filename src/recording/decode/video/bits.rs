@@ -13,40 +13,35 @@ pub(crate) struct BitReader {
 impl BitReader {
     /// The payload of a NAL unit, without the bytes that keep start codes out of it.
     pub(crate) fn new(payload: &[u8]) -> Self {
-        let payload = &payload[..payload.len().min(MAX_BYTES)];
-        let mut bytes = Vec::with_capacity(payload.len());
         let mut zeros = 0;
-        for &byte in payload {
-            if byte == 3 && zeros >= 2 {
-                zeros = 0;
-                continue;
-            }
-            zeros = if byte == 0 { zeros + 1 } else { 0 };
-            bytes.push(byte);
+        let payload = payload.iter().take(MAX_BYTES).copied();
+        let bytes = payload.filter(|byte| {
+            let is_data = *byte != 3 || zeros < 2;
+            zeros = if *byte == 0 { zeros + 1 } else { 0 };
+            is_data
+        });
+        Self {
+            bytes: bytes.collect(),
+            at: 0,
         }
-        Self { bytes, at: 0 }
     }
 
-    pub(crate) fn bit(&mut self) -> Option<bool> {
+    pub(crate) fn flag(&mut self) -> Option<bool> {
         let byte = self.bytes.get(self.at / 8)?;
         let bit = byte >> (7 - self.at % 8) & 1;
         self.at += 1;
         Some(bit == 1)
     }
 
-    /// A number of `count` bits, at most 32.
+    /// A number of so many bits: the last 32 of more.
     pub(crate) fn bits(&mut self, count: u32) -> Option<u32> {
-        (0..count).try_fold(0, |number, _| Some(number << 1 | u32::from(self.bit()?)))
-    }
-
-    pub(crate) fn skip(&mut self, count: usize) {
-        self.at = self.at.saturating_add(count);
+        (0..count).try_fold(0, |number, _| Some(number << 1 | u32::from(self.flag()?)))
     }
 
     /// An unsigned Exp-Golomb number.
     pub(crate) fn golomb(&mut self) -> Option<u32> {
         let mut zeros = 0;
-        while !self.bit()? {
+        while !self.flag()? {
             zeros += 1;
             if zeros > 31 {
                 return None;
@@ -58,11 +53,13 @@ impl BitReader {
     /// A signed Exp-Golomb number.
     pub(crate) fn signed(&mut self) -> Option<i64> {
         let number = i64::from(self.golomb()?);
-        Some(if number % 2 == 1 {
-            number / 2 + 1
-        } else {
-            -number / 2
-        })
+        let half = number / 2;
+        Some(if number % 2 == 1 { half + 1 } else { -half })
+    }
+
+    /// Reads Exp-Golomb numbers that svl does not use.
+    pub(crate) fn skip_golombs(&mut self, count: usize) -> Option<()> {
+        (0..count).try_for_each(|_| self.golomb().map(drop))
     }
 }
 
@@ -82,6 +79,6 @@ mod tests {
         // 3 after two zeros keeps start codes out; the next 3 is data.
         let mut reader = BitReader::new(&[0, 0, 3, 3, 0, 0, 3, 0, 0, 3, 1]);
         assert_eq!(reader.bits(32), Some(0x0000_0300));
-        assert_eq!((reader.bits(32), reader.bit()), (Some(1), None));
+        assert_eq!((reader.bits(32), reader.flag()), (Some(1), None));
     }
 }

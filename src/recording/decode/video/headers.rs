@@ -1,4 +1,7 @@
 //! Headers of H.264 and H.265 in Annex B: parameter sets, and the number of a picture.
+//!
+//! Both codecs have the same fields in the same order, as far as svl reads them. A field that a
+//! codec or a profile does not have has 0 bits there.
 
 use super::bits::BitReader;
 use super::message::Codec::{self, H264, H265};
@@ -12,21 +15,18 @@ const HIGH_PROFILES: [u32; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138,
 /// # Errors
 /// The reason why it is not in Annex B.
 pub(crate) fn units(codec: Codec, data: &[u8]) -> MessageResult<Vec<NalUnit<'_>>> {
-    let places = 0..data.len().saturating_sub(2);
-    let starts: Vec<_> = places
-        .filter(|at| data[*at..].starts_with(&[0, 0, 1]))
-        .collect();
-    if !matches!(starts[..], [0 | 1, ..]) || data[0] != 0 {
+    if !data.starts_with(&[0, 0, 1]) && !data.starts_with(&[0, 0, 0, 1]) {
         let why = "its video is not in Annex B: it begins without a start code";
         return Err(MessageError::Video(why));
     }
-    let ends = starts[1..].iter().copied().chain([data.len()]);
-    let units = starts
-        .iter()
-        .zip(ends)
-        .map(|(start, end)| &data[start + 3..end]);
-    let units = units.filter_map(|bytes| NalUnit::new(codec, bytes));
-    Ok(units.collect())
+    let mut units = Vec::new();
+    let mut rest = data;
+    while let Some(at) = rest.array_windows().rposition(|mark| *mark == [0, 0, 1]) {
+        units.extend(NalUnit::new(codec, &rest[at + 3..]));
+        rest = &rest[..at];
+    }
+    units.reverse();
+    Ok(units)
 }
 
 /// Kind of a NAL unit that svl reads.
@@ -62,11 +62,12 @@ impl<'a> NalUnit<'a> {
             (H264, 1..=5) | (H265, 0..=31) => UnitKind::Slice,
             _ => return None,
         };
+        let payload = bytes.get(header..).unwrap_or_default();
         Some(Self {
             codec,
             number,
             kind,
-            payload: bytes.get(header..).unwrap_or_default(),
+            payload,
             bytes,
         })
     }
@@ -85,24 +86,46 @@ impl<'a> NalUnit<'a> {
 /// Fields of the parameter sets that the header of a slice depends on.
 #[derive(Clone, Copy)]
 pub(crate) struct CodecParameters {
+    pub(crate) codec: Codec,
     /// Bits of a picture's number.
     number_bits: u32,
     has_separate_planes: bool,
     /// H.265 only: extra bits of each slice's header, and the flag of pictures without output.
-    extra_bits: usize,
+    extra_bits: u32,
     has_output_flag: bool,
 }
 
 impl CodecParameters {
-    /// From the parameters of a sequence. `None` if they are cut or out of range.
+    /// From the parameters of a sequence (7.3.2.1.1 of H.264, 7.3.2.2.1 of H.265). `None` if they
+    /// are cut or out of range.
     pub(crate) fn read(unit: &NalUnit<'_>) -> Option<Self> {
-        let mut bits = BitReader::new(unit.payload);
-        let has_separate_planes = match unit.codec {
-            H264 => h264_planes(&mut bits)?,
-            H265 => h265_planes(&mut bits)?,
+        let bits = &mut BitReader::new(unit.payload);
+        let is_h265 = unit.codec == H265;
+        let has_chroma = if is_h265 {
+            skip_layers(bits)?;
+            true
+        } else {
+            let profile = bits.bits(8)?;
+            bits.bits(16)?;
+            HIGH_PROFILES.contains(&profile)
         };
+        let _id = bits.golomb()?;
+        let chroma = if has_chroma { bits.golomb()? } else { 1 };
+        let has_separate_planes = chroma == 3 && bits.flag()?;
+        if is_h265 {
+            // Width and height, then the sides of the window.
+            bits.skip_golombs(2)?;
+            let has_window = bits.flag()?;
+            bits.skip_golombs(if has_window { 4 } else { 0 })?;
+        }
+        // Bits of luma and chroma.
+        bits.skip_golombs(if has_chroma { 2 } else { 0 })?;
+        if has_chroma && !is_h265 {
+            skip_scaling(bits, if chroma == 3 { 12 } else { 8 })?;
+        }
         let number_bits = bits.golomb()?.checked_add(4)?;
         (number_bits <= 16).then_some(Self {
+            codec: unit.codec,
             number_bits,
             has_separate_planes,
             extra_bits: 0,
@@ -116,10 +139,10 @@ impl CodecParameters {
             return Some(self);
         }
         let mut bits = BitReader::new(unit.payload);
-        let (_id, _sequence, _dependent_slices) = (bits.golomb()?, bits.golomb()?, bits.bit()?);
+        let (_id, _sequence, _dependent_slices) = (bits.golomb()?, bits.golomb()?, bits.flag()?);
         Some(Self {
-            has_output_flag: bits.bit()?,
-            extra_bits: bits.bits(3)? as usize,
+            has_output_flag: bits.flag()?,
+            extra_bits: bits.bits(3)?,
             ..self
         })
     }
@@ -127,36 +150,28 @@ impl CodecParameters {
     /// The number of the picture that a slice begins: 7.3.3 of H.264, 7.3.6.1 of H.265.
     pub(crate) fn number(&self, unit: &NalUnit<'_>) -> Option<PictureNumber> {
         let mut bits = BitReader::new(unit.payload);
-        let mut is_bidirectional = false;
-        match unit.codec {
-            H264 => {
-                let (_first, slice, _pictures) = (bits.golomb()?, bits.golomb()?, bits.golomb()?);
-                is_bidirectional = slice % 5 == 1;
-            }
-            // Encoders of low delay use B slices that refer to the past alone: the number tells.
-            H265 => {
-                bits.skip(if (16..=23).contains(&unit.number) {
-                    2
-                } else {
-                    1
-                });
-                let _pictures = bits.golomb()?;
-                bits.skip(self.extra_bits);
-                let _slice = bits.golomb()?;
-                bits.skip(self.has_output_flag.into());
-            }
-        }
-        bits.skip(if self.has_separate_planes { 2 } else { 0 });
-        let number = match (unit.codec, unit.number) {
-            (H265, 19 | 20) => 0,
-            _ => bits.bits(self.number_bits)?,
+        let _first = match (unit.codec, unit.number) {
+            (H264, _) => bits.golomb()?,
+            (H265, 16..=23) => bits.bits(2)?,
+            (H265, _) => bits.bits(1)?,
+        };
+        // The kind of the slice and the parameters of pictures; in H.265 the other way round.
+        let kind = bits.golomb()?;
+        bits.bits(self.extra_bits)?;
+        bits.golomb()?;
+        let number = if matches!((unit.codec, unit.number), (H265, 19 | 20)) {
+            0
+        } else {
+            bits.bits(u32::from(self.has_output_flag) + 2 * u32::from(self.has_separate_planes))?;
+            bits.bits(self.number_bits)?
         };
         // H.264 counts references only.
         let is_counted = unit.codec == H265 || unit.bytes[0] >> 5 & 3 > 0;
         Some(PictureNumber {
             number,
             next: (number + u32::from(is_counted)) % self.numbers(),
-            is_bidirectional,
+            // H.265's B slices may refer to the past alone, for a low delay: the number tells.
+            is_bidirectional: unit.codec == H264 && kind % 5 == 1,
         })
     }
 
@@ -175,61 +190,33 @@ pub(crate) struct PictureNumber {
     pub(crate) is_bidirectional: bool,
 }
 
-/// The flag of separate colour planes, and all up to the bits of `frame_num`.
-fn h264_planes(bits: &mut BitReader) -> Option<bool> {
-    let profile = bits.bits(8)?;
-    bits.skip(16);
-    let _id = bits.golomb()?;
-    if !HIGH_PROFILES.contains(&profile) {
-        return Some(false);
-    }
-    let chroma = bits.golomb()?;
-    let is_separate = chroma == 3 && bits.bit()?;
-    let (_luma_bits, _chroma_bits) = (bits.golomb()?, bits.golomb()?);
-    bits.skip(1);
-    if bits.bit()? {
-        for list in 0..if chroma == 3 { 12 } else { 8 } {
-            if bits.bit()? {
-                skip_scaling(bits, if list < 6 { 16 } else { 64 })?;
-            }
-        }
-    }
-    Some(is_separate)
-}
-
-/// 7.3.2.1.1.1 of H.264.
-fn skip_scaling(bits: &mut BitReader, numbers: usize) -> Option<()> {
-    let mut scale = 8;
-    for _ in 0..numbers {
-        scale = (scale + bits.signed()?).rem_euclid(256);
-        // The others are equal to the last one.
-        if scale == 0 {
-            break;
+/// Reads the scaling lists of H.264 and two flags before them (7.3.2.1.1.1).
+fn skip_scaling(bits: &mut BitReader, lists: usize) -> Option<()> {
+    let (_bypass, has_lists) = (bits.flag()?, bits.flag()?);
+    for list in 0..if has_lists { lists } else { 0 } {
+        let mut numbers = if list < 6 { 16 } else { 64 };
+        let mut scale = if bits.flag()? { 8 } else { 0 };
+        // The others are equal to the last one before 0.
+        while scale != 0 && numbers > 0 {
+            scale = (scale + bits.signed()?).rem_euclid(256);
+            numbers -= 1;
         }
     }
     Some(())
 }
 
-/// The flag of separate colour planes, and all up to the bits of the order of output: 7.3.2.2.1 of
-/// H.265.
-fn h265_planes(bits: &mut BitReader) -> Option<bool> {
-    bits.skip(4);
+/// Reads the profiles and levels of H.265's layers, and all before them.
+fn skip_layers(bits: &mut BitReader) -> Option<()> {
+    bits.bits(4)?;
     let layers = bits.bits(3)?;
     // Nesting, then profile and level: 88 bits and 8.
-    bits.skip(1 + 96);
+    bits.bits(1 + 96)?;
     if layers > 0 {
         // Two flags for each of eight layers: has it a profile, a level?
         let flags = bits.bits(16)? >> (16 - 2 * layers);
         let profiles = (flags & 0xAAAA).count_ones();
         let levels = (flags & 0x5555).count_ones();
-        bits.skip((88 * profiles + 8 * levels) as usize);
+        bits.bits(88 * profiles + 8 * levels)?;
     }
-    let _id = bits.golomb()?;
-    let is_separate = bits.golomb()? == 3 && bits.bit()?;
-    let (_width, _height) = (bits.golomb()?, bits.golomb()?);
-    // The sides of the window, then the bits of luma and chroma.
-    for _ in 0..if bits.bit()? { 6 } else { 2 } {
-        bits.golomb()?;
-    }
-    Some(is_separate)
+    Some(())
 }

@@ -327,32 +327,21 @@ mod tests {
         let board = Board::new((5, 4), Some(0.03)).unwrap();
         let image = |pose: &Isometry3<f64>, x: f64| {
             let pixel = |point: Point3<f64>| {
-                let point = pose * point;
-                Point2::new(
-                    500.0 * (point.x - x) / point.z + 320.0,
-                    500.0 * point.y / point.z + 240.0,
-                )
+                let point = pose * point - Vector3::new(x, 0.0, 0.0);
+                let at = |side: f64| 500.0 * side / point.z;
+                Point2::new(at(point.x) + 320.0, at(point.y) + 240.0)
             };
             board.corners().map(pixel).collect::<Vec<_>>()
         };
-        let turns = [
-            (0.5, 0.0),
-            (-0.5, 0.1),
-            (0.0, 0.6),
-            (0.1, -0.6),
-            (0.4, 0.4),
-            (-0.4, 0.3),
-        ];
-        let mut views: Vec<StereoView> = turns
-            .iter()
-            .map(|(x, y)| {
-                Isometry3::new(Vector3::new(-0.03, -0.04, 0.5), Vector3::new(*x, *y, 0.1))
-            })
-            .map(|pose| StereoView {
-                left: image(&pose, 0.0),
-                right: image(&pose, 0.1),
-            })
-            .collect();
+        let place = Vector3::new(-0.03, -0.04, 0.5);
+        let xs = [0.5, -0.5, 0.0, 0.1, 0.4, -0.4];
+        let turns = xs.into_iter().zip([0.0, 0.1, 0.6, -0.6, 0.4, 0.3]);
+        let poses = turns.map(|(x, y)| Isometry3::new(place, Vector3::new(x, y, 0.1)));
+        let views = poses.map(|pose| StereoView {
+            left: image(&pose, 0.0),
+            right: image(&pose, 0.1),
+        });
+        let mut views: Vec<_> = views.collect();
         views[5].right.reverse();
         solve(&board, (640, 480), DistortionModel::PlumbBob, &views).unwrap()
     }
@@ -409,28 +398,16 @@ mod tests {
         }
         .render()
         .unwrap();
-        for text in [
-            "rig &lt;b&gt;",
-            "4.png &lt;&amp;&gt;",
-            "&lt;i&gt;",
-            "numbered from another end",
-            "5 of 6",
-            "T, m",
-            "Calibration is ",
-            "<title>left01.png</title>",
-        ] {
+        let escaped = ["rig &lt;b&gt;", "4.png &lt;&amp;&gt;", "&lt;i&gt;"];
+        let words = ["numbered from another end", "5 of 6", "T, m"];
+        let others = ["Calibration is ", "<title>left01.png</title>"];
+        for text in escaped.into_iter().chain(words).chain(others) {
             assert!(page.contains(text), "{text}");
         }
-        let count = |text: &str| page.matches(text).count();
         // Five views in two images, twice.
-        assert_eq!(
-            (
-                count("class=\"residuals\""),
-                count("class=\"board\""),
-                count("class=\"key\"")
-            ),
-            (10, 10, 5)
-        );
+        let classes = ["residuals", "board", "key"];
+        let counts = classes.map(|class| page.matches(&format!("class=\"{class}\"")).count());
+        assert_eq!(counts, [10, 10, 5]);
         assert!(!page.contains("http") && !page.contains("<script"));
     }
 }

@@ -316,62 +316,50 @@ pub(crate) fn number(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn chart(points: Vec<(f64, f64)>) -> Chart {
-        let series = Series {
-            name: "v3 <&>".into(),
-            form: SeriesStyle::Both,
-            points,
-        };
-        Chart {
-            title: "t".into(),
-            x: Axis::new("x"),
-            y: Axis::new("y"),
-            series: vec![series],
+    fn series(name: &str, form: SeriesStyle, points: &[(f64, f64)]) -> Series {
+        Series {
+            name: name.into(),
+            form,
+            points: points.to_vec(),
         }
+    }
+
+    fn chart_of(series: Vec<Series>) -> Chart {
+        Chart {
+            series,
+            ..Chart::default()
+        }
+    }
+
+    fn chart(points: &[(f64, f64)]) -> Chart {
+        chart_of(vec![series("v3 <&>", SeriesStyle::Both, points)])
     }
 
     #[test]
     fn finite_points_are_drawn_and_texts_escaped() {
-        let mut chart = chart(vec![
-            (0.0, 1.0),
-            (1.0, f64::NAN),
-            (2.0, 3.0),
-            (3.0, 4.0),
-            (4.0, -1.0),
-        ]);
+        let finite = [(0.0, 1.0), (2.0, 3.0), (3.0, 4.0), (4.0, -1.0)];
+        let mut chart = chart(&[&finite[..], &[(1.0, f64::NAN)]].concat());
         let circles = |chart: &Chart| chart.svg().matches("<circle").count();
         assert_eq!(circles(&chart), 4);
         chart.y.log = true;
         assert_eq!(circles(&chart), 3);
         let svg = chart.svg();
         assert!(svg.contains("v3 &lt;&amp;&gt;"), "{svg}");
-        assert!(
-            svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 684\""),
-            "{svg}"
-        );
+        let begin = "<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 684\"";
+        assert!(svg.starts_with(begin), "{svg}");
     }
 
     #[test]
     fn names_stand_beside_points_and_in_no_key() {
-        let series = |name: &str, form, x| Series {
-            name: name.into(),
-            form,
-            points: vec![(x, 1.0), (x, f64::NAN)],
-        };
-        let series = vec![
-            series("bm", SeriesStyle::Named, 1.0),
-            series("sgm", SeriesStyle::Named, 1.0),
-            series("0.4", SeriesStyle::Label, 2.0),
+        let points = |x| [(x, 1.0), (x, f64::NAN)];
+        let all = vec![
+            series("bm", SeriesStyle::Named, &points(1.0)),
+            series("sgm", SeriesStyle::Named, &points(1.0)),
+            series("0.4", SeriesStyle::Label, &points(2.0)),
         ];
-        let svg = Chart {
-            series,
-            ..Chart::default()
-        }
-        .svg();
-        assert_eq!(
-            ["<circle", "\nbm\n", "\nsgm\n", "\n0.4\n"].map(|t| svg.matches(t).count()),
-            [2, 1, 1, 1]
-        );
+        let svg = chart_of(all).svg();
+        let texts = ["<circle", "\nbm\n", "\nsgm\n", "\n0.4\n"];
+        assert_eq!(texts.map(|t| svg.matches(t).count()), [2, 1, 1, 1]);
         // No frame of a key.
         assert!(!svg.contains("opacity=\"0.8\""), "{svg}");
     }
@@ -393,51 +381,33 @@ mod tests {
 
     #[test]
     fn a_key_is_above_the_points() {
-        let svg = chart(vec![(0.0, 1.0), (1.0, 2.0)]).svg();
-        let top = |text: &str| {
-            let y = svg
-                .split(text)
-                .nth(1)?
-                .split("y=\"")
-                .nth(1)?
-                .split('"')
-                .next()?;
-            y.parse::<i32>().ok()
+        let svg = chart(&[(0.0, 1.0), (1.0, 2.0)]).svg();
+        // The numbers of all attributes of a name.
+        let numbers = |svg: &str, begin: &str| {
+            let texts = svg.split(begin).skip(1);
+            let numbers = texts.filter_map(|text| text.split('"').next()?.parse::<i32>().ok());
+            numbers.collect::<Vec<_>>()
         };
         // The square of the key, then the circles.
-        let square = top("<rect x=\"0\"").unwrap_or_else(|| panic!("{svg}"));
-        let circles = svg.split("cy=\"").skip(1);
-        let highest = circles
-            .filter_map(|c| c.split('"').next()?.parse::<i32>().ok())
-            .min();
+        let (_, square) = svg.split_once("<rect x=\"0\"").unwrap();
+        let square = numbers(square, "y=\"")[0];
+        let highest = numbers(&svg, "cy=\"").into_iter().min();
         assert!(highest > Some(square + 24), "{svg}");
     }
 
     #[test]
     fn a_value_without_room_is_left_out() {
-        let label = |i: i32| Series {
-            name: format!("value {i}"),
-            form: SeriesStyle::Label,
-            points: vec![(1.0, 1.0)],
-        };
-        let svg = Chart {
-            series: (0..60).map(label).collect(),
-            ..Chart::default()
-        }
-        .svg();
+        let label = |i| series(&format!("value {i}"), SeriesStyle::Label, &[(1.0, 1.0)]);
+        let svg = chart_of((0..60).map(label).collect()).svg();
         assert!((2..9).contains(&svg.matches("\nvalue ").count()), "{svg}");
     }
 
     #[test]
     fn nothing_one_point_and_equal_points_have_axes() {
-        for points in [
-            vec![],
-            vec![(1.0, 0.0)],
-            vec![(2.0, 5.0), (2.0, 5.0)],
-            vec![(f64::INFINITY, 1.0)],
-        ] {
+        let some = [(1.0, 0.0), (2.0, 5.0), (2.0, 5.0), (f64::INFINITY, 1.0)];
+        for places in [0..0, 0..1, 1..3, 3..4] {
             for log in [false, true] {
-                let mut chart = chart(points.clone());
+                let mut chart = chart(&some[places.clone()]);
                 (chart.x.log, chart.y.log) = (log, log);
                 chart.svg();
             }
@@ -446,33 +416,20 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!(
-            [0.0, -0.0, 0.25, 3.5, 12.0, 1500.0, 0.00001].map(number),
-            ["0", "0", "0.25", "3.5", "12", "1500", "0"]
-        );
+        let short = [0.0, -0.0, 0.25, 3.5, 12.0, 1500.0, 0.00001].map(number);
+        assert_eq!(short, ["0", "0", "0.25", "3.5", "12", "1500", "0"]);
     }
 
     #[test]
     fn each_point_has_its_name_and_both_values() {
-        let series = |name: &str, form, points| Series {
-            name: name.to_owned(),
-            form,
-            points,
-        };
-        let chart = Chart {
-            x: Axis {
-                log: true,
-                ..Axis::new("ms")
-            },
-            y: Axis::share("wrong, %"),
-            series: vec![
-                series("", SeriesStyle::Front, vec![(1.0, 2.0), (2.0, 1.0)]),
-                series("v5", SeriesStyle::Disc(12), vec![(1.0, 2.0)]),
-                // The first has no place on a logarithmic axis.
-                series("<sgm>", SeriesStyle::Both, vec![(0.0, 3.0), (2.0, 1.0)]),
-            ],
-            ..Chart::default()
-        };
+        let mut chart = chart_of(vec![
+            series("", SeriesStyle::Front, &[(1.0, 2.0), (2.0, 1.0)]),
+            series("v5", SeriesStyle::Disc(12), &[(1.0, 2.0)]),
+            // The first has no place on a logarithmic axis.
+            series("<sgm>", SeriesStyle::Both, &[(0.0, 3.0), (2.0, 1.0)]),
+        ]);
+        (chart.x, chart.y) = (Axis::new("ms"), Axis::share("wrong, %"));
+        chart.x.log = true;
         let tips = |svg: &str| {
             let tips = svg.split("<title>").skip(1);
             let tips = tips.map(|tip| tip.split_once("</title></circle>").unwrap().0.to_owned());

@@ -8,8 +8,10 @@ mod bags;
 mod scene;
 
 use super::ros1;
-use crate::cli::fixture::{Fixture, assert_says, has};
-use crate::recording::bag::{self, Message};
+use super::says::Says;
+use crate::cli::fixture::{Fixture, has};
+use crate::recording::bag::{self, Bag};
+use bags::DriverBag;
 use scene::{BASELINE_M, DEPTH_M, PAIRS};
 use std::path::Path;
 
@@ -17,176 +19,154 @@ use std::path::Path;
 struct Driver {
     /// Row of the driver in docs/cameras.md.
     name: &'static str,
-    bag: fn() -> Vec<Message>,
-    storage: Storage,
+    bag: DriverBag,
+    is_ros1: bool,
     /// Durability of its images' publisher; that of static transforms is transient local.
     durability: &'static str,
     /// First line of `svl info`; `{rational}` is the model of the scene.
     usable: &'static str,
-    /// Topics of the pair.
-    pair: [&'static str; 2],
+    /// Topics of the pair, in which `{left|right}` is what differs.
+    pair: &'static str,
     /// Options by which it is recorded and scored.
     options: &'static str,
-    /// Topic of its truth.
-    truth: Option<&'static str>,
     needs_ffmpeg: bool,
-}
-
-/// File format of a bag.
-#[derive(Clone, Copy, PartialEq)]
-enum Storage {
-    Mcap,
-    Ros1,
 }
 
 /// A driver of ROS 2 with a calibration and no truth.
 const ROS2: Driver = Driver {
     name: "",
-    bag: Vec::new,
-    storage: Storage::Mcap,
+    bag: bags::EUROC,
+    is_ros1: false,
     durability: "volatile",
     usable: "",
-    pair: [""; 2],
+    pair: "",
     options: "",
-    truth: None,
     needs_ffmpeg: false,
 };
 
 const DRIVERS: &[Driver] = &[
     Driver {
         name: "RealSense D4xx",
-        bag: bags::realsense,
+        bag: bags::REALSENSE,
         usable: "usable: 6 rectified pairs, calibrated, truth from \
                  /camera/camera/depth/image_rect_raw",
-        pair: [
-            "/camera/camera/infra1/image_rect_raw",
-            "/camera/camera/infra2/image_rect_raw",
-        ],
-        truth: Some("/camera/camera/depth/image_rect_raw"),
+        pair: "/camera/camera/infra{1|2}/image_rect_raw",
         ..ROS2
     },
     Driver {
         name: "OAK-D",
-        bag: bags::depthai,
+        bag: bags::DEPTHAI,
         usable: "usable: 6 raw pairs ({rational}), calibrated, truth from /oak/stereo/image_raw",
-        pair: ["/oak/left/image_raw", "/oak/right/image_raw"],
-        truth: Some("/oak/stereo/image_raw"),
+        pair: "/oak/{left|right}/image_raw",
         ..ROS2
     },
     Driver {
         name: "ZED",
-        bag: bags::zed,
+        bag: bags::ZED,
         usable: "usable: 6 rectified pairs, calibrated, truth from \
                  /zed/zed_node/depth/depth_registered",
-        pair: [
-            "/zed/zed_node/left/gray/rect/image",
-            "/zed/zed_node/right/gray/rect/image",
-        ],
-        truth: Some("/zed/zed_node/depth/depth_registered"),
+        pair: "/zed/zed_node/{left|right}/gray/rect/image",
         ..ROS2
     },
     Driver {
         name: "Bumblebee",
-        bag: bags::bumblebee,
-        storage: Storage::Ros1,
+        bag: bags::BUMBLEBEE,
+        is_ros1: true,
         usable: "usable: 6 raw pairs (plumb_bob), calibrated, no truth",
-        pair: ["/camera/left/image_raw", "/camera/right/image_raw"],
+        pair: "/camera/{left|right}/image_raw",
         ..ROS2
     },
     Driver {
         name: "FLIR pair by trigger",
-        bag: bags::flir,
+        bag: bags::FLIR,
         usable: "usable: 6 raw pairs (plumb_bob), calibrated, no truth",
-        pair: ["/cam_sync/cam_0/image_raw", "/cam_sync/cam_1/image_raw"],
+        pair: "/cam_sync/cam_{0|1}/image_raw",
         ..ROS2
     },
     Driver {
         name: "Argus",
-        bag: bags::argus,
+        bag: bags::ARGUS,
         usable: "usable: 6 raw pairs ({rational}), calibrated, no truth",
-        pair: ["/left/image_raw", "/right/image_raw"],
+        pair: "/{left|right}/image_raw",
         ..ROS2
     },
     Driver {
         name: "Isaac ROS, rectified",
-        bag: bags::isaac_rectified,
+        bag: bags::ISAAC_RECTIFIED,
         usable: "usable: 6 rectified pairs, calibrated, no truth",
-        pair: ["/left/image_rect", "/right/image_rect"],
+        pair: "/{left|right}/image_rect",
         ..ROS2
     },
     Driver {
         name: "Isaac ROS, H.264",
-        bag: bags::isaac_h264,
+        bag: bags::ISAAC_H264,
         usable: "usable: 6 raw pairs ({rational}), calibrated, no truth",
-        pair: [
-            "/front_stereo_camera/left/image_compressed",
-            "/front_stereo_camera/right/image_compressed",
-        ],
+        pair: "/front_stereo_camera/{left|right}/image_compressed",
         needs_ffmpeg: true,
         ..ROS2
     },
     Driver {
         name: "Azure Kinect, as truth",
-        bag: bags::azure_kinect,
+        bag: bags::AZURE_KINECT,
         durability: "transient_local",
         usable: "usable: 6 rectified pairs, calibrated, truth from /depth/image_raw, \
                  /depth_to_rgb/image_raw, /points2",
-        pair: ["/stereo/left/image_rect", "/stereo/right/image_rect"],
-        truth: Some("/depth/image_raw"),
+        pair: "/stereo/{left|right}/image_rect",
         ..ROS2
     },
     Driver {
         name: "EuRoC-like rig",
-        bag: bags::euroc,
-        storage: Storage::Ros1,
+        bag: bags::EUROC,
+        is_ros1: true,
         usable: "not usable yet: 6 pairs, no calibration: add --calib FILE, or --calib none if \
                  they are rectified",
-        pair: ["/cam0/image_raw", "/cam1/image_raw"],
+        pair: "/cam{0|1}/image_raw",
         options: " --calib calib.yaml",
         ..ROS2
     },
     Driver {
         name: "Webcams",
-        bag: bags::webcams,
+        bag: bags::WEBCAMS,
         usable: "not usable yet: has no stereo pairs: of 6 images of /camera1/image_raw and 6 of \
                  /camera2/image_raw none are within 5 ms of each other: at best 8 ms, see \
                  --max-skew-ms",
-        pair: ["/camera1/image_raw", "/camera2/image_raw"],
+        pair: "/camera{1|2}/image_raw",
         options: " --max-skew-ms 17 --calib calib.yaml",
         ..ROS2
     },
     Driver {
         name: "GMSL by V4L2",
-        bag: bags::gmsl,
+        bag: bags::GMSL,
         usable: "usable: 6 raw pairs (plumb_bob), calibrated, no truth",
-        pair: ["/camera/left/image_raw", "/camera/right/image_raw"],
+        pair: "/camera/{left|right}/image_raw",
         ..ROS2
     },
 ];
 
 impl Driver {
-    /// Writes its bag into the folder of a fixture; its name there.
+    fn pair(&self) -> [String; 2] {
+        let parts: Vec<_> = self.pair.split(['{', '|', '}']).collect();
+        [parts[1], parts[2]].map(|side| [parts[0], side, parts[3]].concat())
+    }
+
+    /// The first topic of its truth.
+    fn truth(&self) -> Option<&str> {
+        self.usable.split_once("truth from ")?.1.split(',').next()
+    }
+
+    /// Writes its bag into the folder of a fixture, with QoS as rosbag2 stores it; its name there.
     fn write(&self, fixture: &Fixture) -> &'static str {
-        let messages = (self.bag)();
-        let folder = fixture.path("");
-        if self.storage == Storage::Ros1 {
+        let (messages, folder) = (self.bag.messages(), fixture.path(""));
+        if self.is_ros1 {
             ros1::write_bag(&folder, &messages, "lz4");
             return "a.bag";
         }
-        bag::write_with_qos(&folder, &messages, |topic| self.qos(topic));
+        let qos = "- history: keep_last\n  depth: 1\n  reliability: reliable\n  durability: ";
+        bag::write_with_qos(&folder, &messages, |topic| match topic {
+            "/tf_static" => format!("{qos}transient_local\n"),
+            _ => format!("{qos}{}\n", self.durability),
+        });
         "bag.mcap"
-    }
-
-    /// The QoS of a topic, as rosbag2 stores it.
-    fn qos(&self, topic: &str) -> String {
-        let durability = match topic {
-            "/tf_static" => "transient_local",
-            _ => self.durability,
-        };
-        format!(
-            "- history: keep_last\n  depth: 1\n  reliability: reliable\n  \
-             durability: {durability}\n"
-        )
     }
 }
 
@@ -213,11 +193,10 @@ fn bags_of_drivers_are_recorded_and_scored() {
         let bag = driver.write(&fixture);
         fixture.write("calib.yaml", scene::calibration());
         let info = fixture.json(&format!("info {bag} --json"));
-        let text = fixture.run(&format!("info {bag}"));
-        let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
-        let usable = driver.usable.replace("{rational}", scene::RATIONAL.0);
-        assert!(words.starts_with(&usable), "{name}:\n{text}");
-        assert_eq!(info["stereo"], serde_json::json!(driver.pair), "{name}");
+        let text = fixture.info(bag);
+        let usable = driver.usable.replace("{rational}", scene::RATIONAL);
+        assert!(text.starts_with(&usable), "{name}:\n{text}");
+        assert_eq!(info["stereo"], serde_json::json!(driver.pair()), "{name}");
         let is_usable = driver.usable.starts_with("usable: ");
         assert_eq!(info["usability"]["is_usable"], is_usable, "{name}");
 
@@ -228,23 +207,18 @@ fn bags_of_drivers_are_recorded_and_scored() {
         let baseline = own["first_pairs"]["rig"]["baseline_m"].as_f64().unwrap();
         assert!((baseline - BASELINE_M).abs() < 1e-6, "{name}: {baseline}");
 
-        let truth = driver.truth.map(|topic| format!(" --truth {topic}"));
+        let truth = driver.truth().map(|topic| format!(" --truth {topic}"));
         let truth = truth.unwrap_or_default();
-        fixture.run(&format!(
-            "score {bag}{options}{truth} --algo bm:max_disparity=16 --rerun none -o report"
-        ));
+        let score = format!("score {bag}{options} --rerun none -o report");
+        fixture.run(&format!("{score}{truth} --algo bm:max_disparity=16"));
         let (known, near) = cells_at_the_wall(&fixture);
-        assert!(
-            known >= 60 && 10 * near >= 9 * known,
-            "{name}: {near} of {known}"
-        );
-        if let Some(topic) = driver.truth {
+        let are_there = known >= 60 && 10 * near >= 9 * known;
+        assert!(are_there, "{name}: {near} of {known}");
+        if let Some(topic) = driver.truth() {
             check_score(&fixture, name);
             // The driver's own depth as an algorithm, against what the images say.
-            fixture.run(&format!(
-                "score {bag}{options} --reference bm:max_disparity=16 --algo own=topic:{topic} \
-                 --rerun none -o report"
-            ));
+            let algo = format!("--reference bm:max_disparity=16 --algo own=topic:{topic}");
+            fixture.run(&format!("{score} {algo}"));
             check_score(&fixture, name);
         }
     }
@@ -255,45 +229,30 @@ fn check_score(fixture: &Fixture, name: &str) {
     let summary = fixture.json_file("report/summary.json");
     let share = |key: &str| summary["algorithms"][0][key].as_f64().unwrap_or(f64::NAN);
     let (right, wrong) = (share("cells_right"), share("cells_wrong"));
-    assert!(
-        right > 0.6 && wrong < 0.1,
-        "{name}: {right} right, {wrong} wrong"
-    );
-}
-
-/// The bag without a topic.
-fn without(messages: Vec<Message>, topic: &str) -> Vec<Message> {
-    messages
-        .into_iter()
-        .filter(|message| message.topic != topic)
-        .collect()
+    let is_good = right > 0.6 && wrong < 0.1;
+    assert!(is_good, "{name}: {right} right, {wrong} wrong");
 }
 
 #[test]
 fn an_oak_without_its_transforms_names_the_driver_s_option() {
     let fixture = Fixture::new();
-    let messages = without(bags::depthai(), "/tf_static");
-    bag::write(&fixture.path(""), &messages);
+    let bag = Bag(bags::DEPTHAI.messages()).without("/tf_static");
+    bag.write(&fixture);
     let usability = fixture.json("info bag.mcap --json")["usability"].take();
     assert_eq!(usability["is_usable"], false);
     let missing = usability["missing"][0].as_str().unwrap();
-    assert_says(
-        missing,
-        &["i_reverse_stereo_socket_order", "add --calib FILE"],
-    );
+    missing.says("i_reverse_stereo_socket_order | add --calib FILE");
 }
 
 #[test]
 fn depths_of_an_unknown_distortion_model_are_no_truth() {
     let fixture = Fixture::new();
-    let info = "/depth/camera_info";
-    let mut messages = without(bags::azure_kinect(), info);
-    messages.insert(0, scene::UNKNOWN.message(info, "depth_camera_link", 0));
-    bag::write(&fixture.path(""), &messages);
+    let bag = Bag(bags::AZURE_KINECT.messages()).without("/depth/camera_info");
+    let unknown = scene::message("/depth/camera_info depth_camera_link unknown", 0);
+    Bag(vec![unknown]).and(bag).write(&fixture);
     let line = "score bag.mcap --truth /depth/image_raw --algo bm --rerun none -o report";
-    fixture
-        .svl(line)
-        .failed(1, &["--truth /depth/image_raw", "'double_sphere'"]);
+    let ran = fixture.svl(line);
+    ran.failed(1, &["--truth /depth/image_raw", "'double_sphere'"]);
 }
 
 /// Each row of the page stands for an entry of the table here, in the same order.

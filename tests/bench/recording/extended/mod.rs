@@ -3,8 +3,8 @@
 mod conformance;
 mod file;
 
-use super::damage::records;
-use super::frames::{attachment, header, read, recover, summarize};
+use super::damage::{chunks, records};
+use super::frames::{attachment, header, intact, read, recover, summarize};
 use super::recovery::{recovered, saved_pairs, specimen};
 use file::{EXTENSIBLE, extended};
 use mcap::records::op;
@@ -25,8 +25,7 @@ fn check(folder: &Path, bytes: &[u8], frames: &[Frame], index: bool) -> Recordin
     let counts = (recovery.pairs, recovery.attachments, recovery.metadata);
     assert_eq!(counts, (6, 1, 1));
     for file in [&path, &saved] {
-        let (read, error) = read(file);
-        assert!(error.is_none() && read == frames, "{error:?}");
+        assert!(intact(file) == frames);
         let scenario = attachment(file, "scenario.toml").unwrap();
         assert_eq!(scenario.unwrap(), b"name = 'x'");
         assert_eq!(header(file).unwrap().seed, Some(7));
@@ -55,16 +54,8 @@ fn unknown_fields_of_every_kind_of_record_are_ignored() {
                 let bytes = extended(&bytes, kinds, fields, index);
                 check(folder.path(), &bytes, &frames, index)
             });
-            assert_eq!(
-                (with.topics, with.pairs, with.attachments, with.header),
-                (
-                    without.topics,
-                    without.pairs,
-                    without.attachments,
-                    without.header
-                ),
-                "{kinds:?}"
-            );
+            let facts = |s: RecordingSummary| (s.topics, s.pairs, s.attachments, s.header);
+            assert_eq!(facts(with), facts(without), "{kinds:?}");
         }
     }
 }
@@ -75,29 +66,20 @@ fn damaged_extended_files_lose_no_more_than_others() {
     let (bytes, frames) = specimen(folder.path());
     for index in [true, false] {
         let bytes = extended(&bytes, &EXTENSIBLE, FIELDS[0], index);
-        let chunks: Vec<_> = records(&bytes)
-            .into_iter()
-            .filter(|(opcode, _)| *opcode == op::CHUNK)
-            .map(|(_, chunk)| chunk)
-            .collect();
+        let chunks = chunks(&bytes);
+        let pairs = |bad: &[u8], what: &str| saved_pairs(folder.path(), &frames, bad, what);
         let mut saved = Vec::new();
         for at in (0..bytes.len()).step_by(509) {
-            let cut = saved_pairs(
-                folder.path(),
-                &frames,
-                &bytes[..at],
-                &format!("cut at {at}"),
-            );
-            saved.push(cut);
+            saved.push(pairs(&bytes[..at], &format!("cut at {at}")));
             let mut bad = bytes.clone();
             bad[at] ^= 1 << (at % 8);
-            let kept = saved_pairs(folder.path(), &frames, &bad, &format!("byte {at} changed"));
+            let what = format!("byte {at} changed");
+            let kept = pairs(&bad, &what);
             // Only the summary repeats the channels, which the first chunk declares.
             let hit = chunks.iter().any(|chunk| chunk.contains(&at));
-            assert!(
-                kept >= 6 - usize::from(hit) || !index && chunks[0].contains(&at),
-                "byte {at} changed: {kept} pairs"
-            );
+            let is_first = !index && chunks[0].contains(&at);
+            let least = 6 - usize::from(hit);
+            assert!(kept >= least || is_first, "{what}: {kept} pairs");
         }
         assert!(saved.is_sorted(), "the longer, the more: {saved:?}");
     }
@@ -110,12 +92,8 @@ fn a_length_that_covers_other_records_is_damage() {
     let (bytes, frames) = specimen(folder.path());
     for kinds in [&[][..], &EXTENSIBLE] {
         let bytes = extended(&bytes, kinds, FIELDS[0], false);
-        let records = records(&bytes);
-        let chunks: Vec<_> = records
-            .iter()
-            .filter(|(kind, _)| *kind == op::CHUNK)
-            .collect();
-        let (long, next) = (&chunks[1].1, &chunks[2].1);
+        let chunks = chunks(&bytes);
+        let (long, next) = (&chunks[1], &chunks[2]);
         let mut bad = bytes.clone();
         let length = (next.end - long.start - 9) as u64;
         bad[long.start + 1..long.start + 9].copy_from_slice(&length.to_le_bytes());
@@ -127,11 +105,8 @@ fn a_length_that_covers_other_records_is_damage() {
         };
         assert_eq!(loss.reason, "the unknown part of a record covers others");
         assert_eq!((recovery.pairs, loss.at_byte), (5, long.start as u64));
-        let (read, _) = read(&saved);
-        assert!(
-            read.iter()
-                .eq(frames.iter().filter(|frame| frame.sequence != 1))
-        );
+        let others = frames.iter().filter(|frame| frame.sequence != 1);
+        assert!(read(&saved).0.iter().eq(others));
         let again = recover(&saved, &folder.path().join("again.mcap")).unwrap();
         assert!(again.losses.is_empty() && !again.partial);
         std::fs::remove_file(folder.path().join("again.mcap")).unwrap();

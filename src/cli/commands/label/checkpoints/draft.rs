@@ -2,11 +2,12 @@
 //! typed is lost.
 
 use super::label::CellLabel;
+use crate::cli::commands::label::input::replace;
 use crate::cli::shared::stepper::Stepper;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::{Path, PathBuf};
+use svl::counted;
 use svl::outputs::remove_file;
 use svl::score::LabelledPair;
 use svl::stereo::Frame;
@@ -57,9 +58,8 @@ impl Draft {
     pub(super) fn frames(&self, shown: u64) -> [u64; 2] {
         let pairs = self.labelled();
         let [from, to] = [pairs.first(), pairs.last()].map(|p| p.map_or(shown, |p| p.frame));
-        let first = self
-            .first
-            .unwrap_or(from.min(self.last.unwrap_or(u64::MAX)));
+        let last = self.last.unwrap_or(u64::MAX);
+        let first = self.first.unwrap_or(from.min(last));
         [first, self.last.unwrap_or(to.max(first))]
     }
 
@@ -102,10 +102,11 @@ impl Draft {
 
 /// The file of a draft.
 pub(super) struct DraftFile {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     /// The source that is labelled.
     source: String,
-    written: Option<DraftTable>,
+    /// The draft that the file has.
+    pub(super) written: Option<DraftTable>,
 }
 
 /// The text of a draft.
@@ -128,47 +129,38 @@ impl DraftFile {
     /// # Errors
     /// It cannot be read.
     pub(super) fn open(scenario: &Path, source: &str) -> anyhow::Result<Self> {
-        let mut path = scenario.as_os_str().to_owned();
-        path.push(".draft");
-        let path = PathBuf::from(path);
-        let written = match path.try_exists() {
-            Ok(true) => Some(DraftTable::read(&path)?),
-            _ => None,
-        };
-        let source = source.to_owned();
+        let path = scenario.with_added_extension("draft");
         Ok(Self {
+            written: path.exists().then(|| DraftTable::read(&path)).transpose()?,
             path,
-            source,
-            written,
+            source: source.to_owned(),
         })
     }
 
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// The draft that was found.
-    pub(super) fn found(&self) -> Option<&DraftTable> {
-        self.written.as_ref()
-    }
-
-    /// Refuses a draft of another recording, by its pairs: the same one may have another path.
-    pub(super) fn check(&self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        let Some(table) = &self.written else {
+    /// Goes to the pair that was shown last. Refuses a draft of another recording, by its pairs:
+    /// the same one may have another path.
+    pub(super) fn resume<T>(&self, stepper: &mut Stepper<'_, T>) -> anyhow::Result<()> {
+        let Some(DraftTable {
+            source,
+            draft,
+            shown,
+        }) = &self.written
+        else {
             return Ok(());
         };
-        let pairs = table.draft.labelled().into_iter().chain([&table.shown]);
-        let Some(pair) = first_other(pairs, stepper) else {
-            return Ok(());
-        };
-        bail!(
-            "{}: is of {}, and frame {} of {} is another pair; finish it with the recording of \
-             then, or remove the file",
-            self.path.display(),
-            table.source,
-            pair.frame,
-            self.source
-        )
+        let pairs = draft.labelled().into_iter().chain([shown]);
+        if let Some(LabelledPair { frame, .. }) = first_other(pairs, stepper) {
+            bail!(
+                "{}: is of {source}, and frame {frame} of {} is another pair; finish it with the \
+                 recording of then, or remove the file",
+                self.path.display(),
+                self.source
+            );
+        }
+        stepper.go_to(shown.frame);
+        let cells = counted(draft.cells.len(), "labelled cell");
+        stepper.say(format!("resumed at frame {} with {cells}", shown.frame));
+        Ok(())
     }
 
     /// Keeps the draft and the pair that is shown.
@@ -194,54 +186,22 @@ impl DraftFile {
 
 impl DraftTable {
     fn read(path: &Path) -> anyhow::Result<Self> {
-        let wrong = || {
-            format!(
-                "{}: is not a draft of svl's; remove the file",
-                path.display()
-            )
-        };
         let text = svl::files::read_text(path, MAX_BYTES)?;
+        let shown = path.display();
+        let wrong = || format!("{shown}: is not a draft of svl's; remove the file");
         toml::from_str(&text).ok().with_context(wrong)
     }
 }
 
 /// The first of the pairs that the source has not at its frame.
-pub(super) fn first_other<'p>(
+pub(super) fn first_other<'p, T>(
     pairs: impl IntoIterator<Item = &'p LabelledPair>,
-    stepper: &mut Stepper<'_>,
+    stepper: &mut Stepper<'_, T>,
 ) -> Option<&'p LabelledPair> {
     pairs.into_iter().find(|pair| {
         stepper.go_to(pair.frame);
         LabelledPair::new(stepper.frame()) != **pair
     })
-}
-
-/// Writes a file so that at any moment it holds the old text or the new one, `synced` after a
-/// power cut too.
-pub(super) fn replace(path: &Path, text: &str, synced: bool) -> anyhow::Result<()> {
-    // The file that a link names is replaced, not the link.
-    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    let write = || {
-        let mut builder = tempfile::Builder::new();
-        // The permissions of any new file; temporary ones are private.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder
-            .prefix(".svl-")
-            .tempfile_in(folder.unwrap_or(Path::new(".")))?;
-        file.write_all(text.as_bytes())?;
-        if synced {
-            file.as_file().sync_all()?;
-        }
-        if let Ok(metadata) = path.metadata() {
-            file.as_file().set_permissions(metadata.permissions())?;
-        }
-        file.persist(path).map_err(|error| error.error).map(|_| ())
-    };
-    write().map_err(|error| svl::Error::io(path, error).into())
 }
 
 #[cfg(test)]
@@ -272,13 +232,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scenario = folder.path().join("own.toml");
         let mut file = DraftFile::open(&scenario, "a.mcap").unwrap();
-        assert!(file.found().is_none());
+        assert!(file.written.is_none());
         let gray = || svl::stereo::Gray::filled(4, 2, 9).unwrap();
         let frame = svl::stereo::StereoPair::new(gray(), gray()).unwrap();
         let frame = Frame::new(frame, svl::stereo::Geometry::Raw);
         file.keep(&frame, &draft()).unwrap();
         let mut file = DraftFile::open(&scenario, "b.mcap").unwrap();
-        let found = file.found().unwrap();
+        let found = file.written.as_ref().unwrap();
         assert_eq!(found.draft, draft());
         assert_eq!(found.shown, LabelledPair::new(&frame));
         assert_eq!(draft().label([0, 1]), Some(CellLabel::FREE));
@@ -286,7 +246,7 @@ mod tests {
         file.remove().unwrap();
         file.remove().unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-        std::fs::write(file.path(), "source = 3").unwrap();
+        std::fs::write(&file.path, "source = 3").unwrap();
         let error = DraftFile::open(&scenario, "a.mcap").err().unwrap();
         assert!(
             error.to_string().contains("is not a draft of svl's"),

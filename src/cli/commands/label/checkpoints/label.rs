@@ -35,23 +35,19 @@ impl FromStr for CellLabel {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let after = |words: [&str; 2]| words.iter().find_map(|word| text.strip_prefix(word));
-        let seen = if text == "must" {
-            return Ok(Self::Must);
-        } else if text == "free" {
-            CellExpectation::Free
-        } else if let Some(number) = after(["<", "near "]) {
-            CellExpectation::Nearer(metres(number)?)
-        } else if let Some(number) = after([">", "far "]) {
-            CellExpectation::Farther(metres(number)?)
-        } else {
-            let (distance, tolerance) = match text.split_once("+-").or(text.split_once('±')) {
-                Some((distance, tolerance)) => (distance, Some(metres(tolerance)?)),
-                None => (text, None),
-            };
-            CellExpectation::Distance {
-                distance_m: metres(distance)?,
-                tolerance_m: tolerance,
-                tolerance_percent: None,
+        let seen = match (text, after(["<", "near "]), after([">", "far "])) {
+            ("must", ..) => return Ok(Self::Must),
+            ("free", ..) => CellExpectation::Free,
+            (_, Some(number), _) => CellExpectation::Nearer(metres(number)?),
+            (_, _, Some(number)) => CellExpectation::Farther(metres(number)?),
+            _ => {
+                let parts = text.split_once("+-").or(text.split_once('±'));
+                let tolerance_m = parts.map(|(_, tolerance)| metres(tolerance));
+                CellExpectation::Distance {
+                    tolerance_m: tolerance_m.transpose()?,
+                    distance_m: metres(parts.map_or(text, |(distance, _)| distance))?,
+                    tolerance_percent: None,
+                }
             }
         };
         Ok(Self::Seen(seen))

@@ -5,29 +5,27 @@ mod label;
 mod reported;
 mod scenario_file;
 mod tool;
-mod view;
 
 use super::input::{LabelInput, stepper};
 use crate::cli::shared::source;
-use crate::cli::shared::stepper::{
-    Ended, Key, Reaction, StepSession, StepTool, Stepper, ToolCanvas,
-};
-use crate::cli::shared::terminal::print;
+use crate::cli::shared::stepper::{StepSession, Stepper};
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::bail;
-use draft::DraftFile;
+use draft::{Draft, DraftFile};
 use ratatui::layout::Rect;
 use reported::Reported;
-use scenario_file::{NewScenario, ScenarioFile};
+use scenario_file::ScenarioFile;
 use std::path::{Path, PathBuf};
-use svl::counted;
 use svl::losses::LossLimit;
 use svl::matcher::Algorithm;
 use svl::scenario::{ScenarioSource, SourceOptions};
 use svl::source::{Opened, Request};
 use svl::stereo::GridShape;
-use tool::{Labelling, TypedLine};
+use tool::Labelling;
+
+/// The place in the source that is labelled.
+type LabelStepper<'a> = Stepper<'a, Labelling>;
 
 /// Label what cells of recorded frames show, for `svl score`
 #[derive(clap::Args)]
@@ -105,18 +103,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if existing.is_some() {
         refuse_what_the_scenario_says(args, &output)?;
     }
-    let request = request(args, existing.as_ref())?;
+    let request = request(args, existing.as_ref());
     let opened = source::open(request.clone(), quiet)?;
-    let file = match existing {
-        Some(file) => file,
-        None => {
-            let options = with_own_losses(&opened, &request, &args.input.options);
-            ScenarioFile::begin(&output, &args.new_scenario(&opened, &options))?
-        }
-    };
+    let options = || with_own_losses(&opened, &request);
+    let begin = || ScenarioFile::begin(&output, args, &opened, options());
+    let file = existing.map_or_else(begin, Ok)?;
     file.check(&opened)?;
 
-    let mut stepper = stepper(opened.source, &request)?;
+    let mut stepper: LabelStepper<'_> = stepper(opened.source, &request)?;
     if stepper.frame().rig().is_none() {
         bail!(
             "{name}: has no calibration, so no algorithm reports distances to compare with yours; \
@@ -125,32 +119,24 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let run = file.run(stepper.start_ns());
     file.check_pairs(&run, &mut stepper)?;
-    let draft_file = DraftFile::open(file.path(), name)?;
-    draft_file.check(&mut stepper)?;
-    let found = draft_file.found();
-    let draft = found.map(|table| table.draft.clone()).unwrap_or_default();
-    let resumed = found.map(|table| (table.shown.frame, draft.cells.len()));
-    let shown = args.rerun.target().cloned();
-    let shown = shown.map(|target| viewer()?.steps(target)).transpose()?;
+    let draft_file = DraftFile::open(&file.path, name)?;
+    draft_file.resume(&mut stepper)?;
+    let found = draft_file.written.as_ref();
+    let draft = found.map_or_else(Draft::default, |table| table.draft.clone());
+    let target = args.rerun.target().cloned();
     let mut tool = Labelling {
         file,
         draft_file,
+        kept: (draft.clone(), (0, 0)),
         draft,
+        viewer: target.map(|target| viewer()?.steps(target)).transpose()?,
         reported: args.algo.as_ref().map(Reported::new).transpose()?,
-        viewer: shown,
         run,
         picked: (0, 0),
         picture: Rect::ZERO,
-        asked: TypedLine::Cell,
-        leaves: false,
         moved_by: None,
         written: Vec::new(),
     };
-    if let Some((shown, cells)) = resumed {
-        stepper.go_to(shown);
-        let cells = counted(cells, "labelled cell");
-        stepper.say(format!("resumed at frame {shown} with {cells}"));
-    }
     let ended = session.run(&mut stepper, &mut tool)?;
     tool.finish(ended)
 }
@@ -167,116 +153,25 @@ fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<(
 }
 
 /// The request for the source: that of the scenario, where there is one.
-fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Result<Request<'a>> {
-    let name = args.input.source.as_str();
-    if let Some(file) = existing
-        && let ScenarioSource::Recording(_) = &file.scenario().source
-    {
-        return Ok(Request {
-            options: file.scenario().options.clone(),
-            ..Request::new(name)
-        });
-    }
-    Ok(args.input.request())
-}
-
-impl Args {
-    fn new_scenario<'a>(
-        &'a self,
-        opened: &'a Opened,
-        options: &'a SourceOptions,
-    ) -> NewScenario<'a> {
-        NewScenario {
-            source: &self.input.source,
-            opened,
-            grid: self.grid.unwrap_or_default(),
-            algorithm: self.algo.as_ref(),
-            options,
-        }
+fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> Request<'a> {
+    match existing.map(|file| &file.scenario) {
+        Some(scenario) if matches!(scenario.source, ScenarioSource::Recording(_)) => Request {
+            options: scenario.options.clone(),
+            ..Request::new(&args.input.source)
+        },
+        _ => args.input.request(),
     }
 }
 
 /// The options of a new scenario, which accepts the images that its recording lost.
-fn with_own_losses(opened: &Opened, request: &Request, options: &SourceOptions) -> SourceOptions {
-    let summary = opened.recording.as_ref();
-    let summary = summary.and_then(|own| own.summary(&request.selection()).ok());
-    let lost = summary.and_then(|own| Some(own.unpaired?.inside));
-    let lost = lost.filter(|images| *images > 0).map(LossLimit::Pairs);
+fn with_own_losses(opened: &Opened, request: &Request) -> SourceOptions {
+    let own_losses = || {
+        let summary = opened.recording.as_ref()?.summary(&request.selection());
+        let lost = summary.ok()?.unpaired?.inside;
+        (lost > 0).then_some(LossLimit::Pairs(lost))
+    };
     SourceOptions {
-        allow_loss: options.allow_loss.or(lost),
-        ..options.clone()
-    }
-}
-
-impl StepTool for Labelling {
-    fn keys(&self) -> &'static [(&'static str, &'static str)] {
-        tool::KEYS
-    }
-
-    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        let scenario = self.file.scenario();
-        if let Some(reported) = &mut self.reported
-            && let Err(error) = reported.match_frame(stepper.frame(), scenario.grid, scenario.cells)
-        {
-            stepper.say(error.to_string());
-        }
-        self.show_in_viewer(stepper);
-        self.draft_file.keep(stepper.frame(), &self.draft)
-    }
-
-    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
-        self.acting(stepper, |tool, stepper| tool.command(key, stepper))
-    }
-
-    fn answer(&mut self, text: &str, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        self.acting(stepper, |tool, stepper| tool.answered(text, stepper))
-    }
-
-    fn question(&self) -> Option<String> {
-        let cells = counted(self.draft.cells.len(), "cell");
-        self.leaves.then(|| {
-            format!("{cells} not written: w write, k keep as a draft, d discard, Esc continue")
-        })
-    }
-
-    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
-        self.picture = view::draw(self, stepper.frame(), canvas);
-    }
-}
-
-impl Labelling {
-    /// Shows and keeps the draft if a key changes it.
-    fn acting<'a, T>(
-        &mut self,
-        stepper: &mut Stepper<'a>,
-        act: impl FnOnce(&mut Self, &mut Stepper<'a>) -> anyhow::Result<T>,
-    ) -> anyhow::Result<T> {
-        let before = (self.draft.clone(), self.picked);
-        let acted = act(self, stepper)?;
-        if before != (self.draft.clone(), self.picked) {
-            self.show_in_viewer(stepper);
-            self.draft_file.keep(stepper.frame(), &self.draft)?;
-        }
-        Ok(acted)
-    }
-
-    /// Reports the files that were written, and the draft.
-    fn finish(&mut self, ended: Ended) -> anyhow::Result<()> {
-        if let Some(viewer) = &self.viewer {
-            viewer.finish()?;
-        }
-        let lines = self.written.iter().map(|line| line.clone() + "\n");
-        print(&lines.collect::<String>())?;
-        let draft = self.draft_file.path().display().to_string();
-        let cells = counted(self.draft.cells.len(), "labelled cell");
-        match ended {
-            Ended::Interrupted => {
-                bail!("stopped; {draft} keeps {cells}: the same command resumes there")
-            }
-            Ended::Quit if self.draft.is_empty() => self.draft_file.remove(),
-            Ended::Quit => print(&format!(
-                "{draft}: {cells}: the same command resumes there\n"
-            )),
-        }
+        allow_loss: request.options.allow_loss.or_else(own_losses),
+        ..request.options.clone()
     }
 }

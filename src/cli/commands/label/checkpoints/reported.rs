@@ -6,10 +6,11 @@ use svl::stereo::{CellRule, DepthGrid, Frame};
 
 /// An algorithm, and its depth grid of the last frame.
 pub(super) struct Reported {
-    label: String,
+    pub(super) label: String,
     matcher: Box<dyn Matcher>,
     output: MatchOutput,
-    grid: Option<DepthGrid>,
+    /// None where the algorithm failed on the last frame.
+    pub(super) grid: Option<DepthGrid>,
 }
 
 impl Reported {
@@ -22,15 +23,6 @@ impl Reported {
         })
     }
 
-    pub(super) fn label(&self) -> &str {
-        &self.label
-    }
-
-    /// Grid of the last frame; none where the algorithm failed on it.
-    pub(super) fn grid(&self) -> Option<&DepthGrid> {
-        self.grid.as_ref()
-    }
-
     pub(super) fn match_frame(
         &mut self,
         frame: &Frame,
@@ -39,28 +31,21 @@ impl Reported {
     ) -> svl::Result<()> {
         self.grid = None;
         let context = MatchContext::for_frame(frame, grid, cells);
-        self.output.begin();
-        self.matcher
-            .compute(frame.rectified()?, &context, &mut self.output)?;
-        let own = self
-            .output
-            .grid
-            .take()
-            .filter(|own| own.shape() == grid.shape());
-        let disparity = self.output.disparity.disparity();
-        self.grid = Some(own.unwrap_or_else(|| {
-            depth::cells(disparity, frame.pair.left(), grid, cells, frame.rig())
-        }));
+        let output = &mut self.output;
+        output.begin();
+        self.matcher.compute(frame.rectified()?, &context, output)?;
+        let own = output.grid.take();
+        let own = own.filter(|own| own.shape() == grid.shape());
+        let (map, left) = (output.disparity.disparity(), frame.pair.left());
+        let decided = || depth::cells(map, left, grid, cells, frame.rig());
+        self.grid = Some(own.unwrap_or_else(decided));
         Ok(())
     }
 
     /// The report of a cell: a distance, or that it is unknown.
     pub(super) fn words(&self, (column, row): (usize, usize)) -> String {
-        let cell = self.grid.as_ref().map(|grid| grid.cell(column, row));
-        match cell
-            .and_then(|cell| cell.depth)
-            .map(|depth| depth.distance_m)
-        {
+        let depth = self.grid.as_ref().map(|grid| grid.cell(column, row).depth);
+        match depth.flatten().map(|depth| depth.distance_m) {
             None => "?".to_owned(),
             Some(None) => "far".to_owned(),
             Some(Some(metres)) => format!("{metres:.2}"),

@@ -1,37 +1,27 @@
 //! The scenario that checkpoints are written to: begun for a source, or extended. Its text is kept
 //! to the byte: a checkpoint is appended.
 
-use super::draft::{Draft, LabelledCell, first_other, replace};
+use super::draft::{Draft, LabelledCell, first_other};
 use super::label::CellLabel;
-use crate::cli::shared::stepper::Stepper;
+use super::{Args, LabelStepper};
+use crate::cli::commands::label::input::replace;
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::files::safe_name;
-use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
 use svl::score::{Checkpoint, CheckpointPlace, ExpectedCell, FrameOrigin, LabelledPair};
 use svl::source::{ArenaSource, Opened};
-use svl::stereo::GridShape;
 
 /// The scenario file, and which of its runs is labelled.
 pub(super) struct ScenarioFile {
-    path: PathBuf,
-    scenario: Scenario,
+    pub(super) path: PathBuf,
+    pub(super) scenario: Scenario,
     /// Beginning of a file that is not yet there.
     begun: Option<String>,
     /// The run that is labelled, where there are several.
     file: Option<String>,
-}
-
-/// Options with which a new scenario reads its source.
-pub(super) struct NewScenario<'a> {
-    pub(super) source: &'a str,
-    pub(super) opened: &'a Opened,
-    pub(super) grid: GridShape,
-    pub(super) algorithm: Option<&'a Algorithm>,
-    pub(super) options: &'a SourceOptions,
 }
 
 impl ScenarioFile {
@@ -45,26 +35,22 @@ impl ScenarioFile {
             return Ok(None);
         }
         let scenario = Scenario::read(path)?;
-        let mut file = None;
         let shown = path.display();
-        match &scenario.source {
+        let file = match &scenario.source {
             ScenarioSource::Recording(_) => {
                 let runs = scenario.recordings()?;
-                let same = |run: &Path| match (run.canonicalize(), Path::new(source).canonicalize())
-                {
-                    (Ok(run), Ok(source)) => run == source,
-                    _ => false,
-                };
+                let labelled = Path::new(source).canonicalize().ok();
+                let same = |run: &Path| labelled.is_some() && run.canonicalize().ok() == labelled;
                 let Some(run) = runs.iter().find(|run| same(&run.path)) else {
                     bail!(
                         "{shown}: {source} is not in its source.files; add it there, or name \
                          another scenario with -o"
                     );
                 };
-                file = (runs.len() > 1).then(|| run.name.clone());
+                (runs.len() > 1).then(|| run.name.clone())
             }
             // The arena is known once the source is open.
-            ScenarioSource::Arena { .. } => {}
+            ScenarioSource::Arena { .. } => None,
             ScenarioSource::Drive { .. } => {
                 return Err(usage::wrong(format!(
                     "{shown}: its frames depend on the algorithm; label checkpoints of the arena \
@@ -74,7 +60,7 @@ impl ScenarioFile {
             ScenarioSource::Dataset { .. } => {
                 bail!("{shown}: scores scenes of data sets; name another scenario with -o")
             }
-        }
+        };
         Ok(Some(Self {
             path: path.to_owned(),
             scenario,
@@ -83,9 +69,15 @@ impl ScenarioFile {
         }))
     }
 
-    /// Begins a scenario, which is written with its first checkpoint.
-    pub(super) fn begin(path: &Path, new: &NewScenario<'_>) -> anyhow::Result<Self> {
-        let text = new.text(path)?;
+    /// Begins a scenario, which is written with its first checkpoint. `options`: those with which
+    /// it reads its source.
+    pub(super) fn begin(
+        path: &Path,
+        args: &Args,
+        opened: &Opened,
+        options: SourceOptions,
+    ) -> anyhow::Result<Self> {
+        let text = begun(path, args, opened, options)?;
         Ok(Self {
             path: path.to_owned(),
             scenario: Scenario::parse(&text, path)?,
@@ -117,7 +109,7 @@ impl ScenarioFile {
     pub(super) fn check_pairs(
         &self,
         run: &FrameOrigin,
-        stepper: &mut Stepper<'_>,
+        stepper: &mut LabelStepper<'_>,
     ) -> anyhow::Result<()> {
         let first = stepper.frame().sequence;
         let own = |checkpoint: &&Checkpoint| run.is_in(checkpoint.file.as_deref());
@@ -133,14 +125,6 @@ impl ScenarioFile {
         }
         stepper.go_to(first);
         Ok(())
-    }
-
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    pub(super) fn scenario(&self) -> &Scenario {
-        &self.scenario
     }
 
     /// The run that is labelled, as its checkpoints name it.
@@ -174,10 +158,7 @@ impl ScenarioFile {
             }
         };
         let number = self.next_number();
-        if !text.ends_with('\n') {
-            text.push('\n');
-        }
-        text.push('\n');
+        text += if text.ends_with('\n') { "\n" } else { "\n\n" };
         let added = BTreeMap::from([("checkpoint", [self.checkpoint(number, draft, shown)])]);
         text += &toml::to_string(&added)?;
         let scenario = Scenario::parse(&text, &self.path)?;
@@ -214,42 +195,41 @@ impl ScenarioFile {
     }
 }
 
-impl NewScenario<'_> {
-    fn text(&self, path: &Path) -> anyhow::Result<String> {
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let scenario = self.opened.scenario.as_deref();
-        let begun = match scenario.filter(|_| self.opened.recording.is_none()) {
-            // Everything that the run depends on, and the rule by which its cells are scored.
-            Some(arena) => {
-                let seed = self.opened.header.seed.unwrap_or(1);
-                let seeds = SeedList::new(vec![seed]).map_err(svl::Error::Usage)?;
-                let arena = Scenario::parse(arena, path)?.with(&SourceOptions {
-                    seeds: Some(seeds),
-                    ..self.options.clone()
-                })?;
-                Scenario {
-                    checkpoints: Vec::new(),
-                    filters: Vec::new(),
-                    stress: Vec::new(),
-                    gate: Vec::new(),
-                    ..arena
-                }
+/// The text of a new scenario.
+fn begun(
+    path: &Path,
+    args: &Args,
+    opened: &Opened,
+    mut options: SourceOptions,
+) -> anyhow::Result<String> {
+    let (stem, source) = (path.file_stem().unwrap_or_default(), &args.input.source);
+    let scenario = opened.scenario.as_deref();
+    let begun = match scenario.filter(|_| opened.recording.is_none()) {
+        // Everything that the run depends on, and the rule by which its cells are scored.
+        Some(arena) => {
+            let seed = opened.header.seed.unwrap_or(1);
+            options.seeds = Some(SeedList::new(vec![seed]).map_err(svl::Error::Usage)?);
+            Scenario {
+                checkpoints: Vec::new(),
+                filters: Vec::new(),
+                stress: Vec::new(),
+                gate: Vec::new(),
+                ..Scenario::parse(arena, path)?.with(&options)?
             }
-            None => Scenario {
-                grid: self.grid.into(),
-                ..Scenario::from_recordings(&[self.source.to_owned()], Vec::new())?
-                    .with(self.options)?
-            },
-        };
-        let algorithm = self.algorithm.cloned().map_or_else(|| "v3".parse(), Ok)?;
-        let scenario = Scenario {
-            name: safe_name(&stem, 64),
-            description: format!("What a person measured or saw in {}", self.source),
-            algorithms: vec![algorithm],
-            ..begun
-        };
-        let head = "# Begun by `svl label checkpoints`; docs/scoring.md lists what can be added.\n";
-        let folder = path.parent().unwrap_or(Path::new(""));
-        Ok(head.to_owned() + &scenario.to_toml(folder)?)
-    }
+        }
+        None => Scenario {
+            grid: args.grid.unwrap_or_default().into(),
+            ..Scenario::from_recordings(&[source.to_owned()], Vec::new())?.with(&options)?
+        },
+    };
+    let algorithm = args.algo.clone().map_or_else(|| "v3".parse(), Ok)?;
+    let scenario = Scenario {
+        name: safe_name(&stem.to_string_lossy(), 64),
+        description: format!("What a person measured or saw in {source}"),
+        algorithms: vec![algorithm],
+        ..begun
+    };
+    let head = "# Begun by `svl label checkpoints`; docs/scoring.md lists what can be added.\n";
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok(head.to_owned() + &scenario.to_toml(folder)?)
 }

@@ -1,28 +1,20 @@
 //! The categorizer: a key per category for each window.
 
-use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, ToolCanvas, picture};
-use anyhow::{Context, bail};
+use crate::cli::commands::label::input::replace;
+use crate::cli::shared::stepper::Key::{self, Press};
+use crate::cli::shared::stepper::{StepTool, Stepper, ToolCanvas, picture};
+use anyhow::bail;
 use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::KeyCode::{Backspace, Char, Down, Left, Right, Up};
 use ratatui::layout::Rect;
-use ratatui::style::{Color, Modifier, Style};
+use ratatui::style::{Color, Style};
 use std::ops::Range;
 use std::path::PathBuf;
 use svl::counted;
 use svl::filter::FilterWindows;
 use svl::fit::filter::FrameLabels;
-use svl::outputs::write;
+use svl::outputs::make_folder;
 use svl::stereo::{Frame, GridShape};
-
-/// Keys beside those of the stepper.
-const KEYS: &[(&str, &str)] = &[
-    ("a", "it shows what the filter detects"),
-    ("b", "it does not"),
-    ("A B", "all windows of the frame, also labelled ones"),
-    ("s", "skip: neither"),
-    ("arrows", "pick a window"),
-    ("Backspace", "back to the one before"),
-    ("u", "undo the last label"),
-];
 
 /// State of the labelling session.
 pub(super) struct Categorizer {
@@ -32,6 +24,9 @@ pub(super) struct Categorizer {
     /// Labels that were set, with the labels before.
     pub(super) done: Vec<Labelled>,
 }
+
+/// The place in the source that is labelled.
+type WindowStepper<'a> = Stepper<'a, Categorizer>;
 
 /// Labels that a key gave to windows of a frame.
 pub(super) struct Labelled {
@@ -49,7 +44,7 @@ impl Categorizer {
         &mut self,
         windows: Range<usize>,
         is: bool,
-        stepper: &mut Stepper<'_>,
+        stepper: &mut WindowStepper<'_>,
     ) -> anyhow::Result<()> {
         let sequence = stepper.frame().sequence;
         self.labels.tie(sequence, stepper.frame().pair.hash());
@@ -65,52 +60,46 @@ impl Categorizer {
     /// The table is intact at any moment.
     fn save(&self) -> anyhow::Result<()> {
         let path = &self.labels.path;
-        let part = path.with_extension("csv.part");
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|error| svl::Error::io(folder, error))?;
+            make_folder(folder)?;
         }
-        write(&part, self.labels.to_text())?;
-        std::fs::rename(&part, path).with_context(|| path.display().to_string())
+        replace(path, &self.labels.to_text(), false)
     }
 
     /// Goes to the next window; false at the last one of the source.
-    fn next(&mut self, stepper: &mut Stepper<'_>) -> bool {
+    fn next(&mut self, stepper: &mut WindowStepper<'_>) -> bool {
         if self.window + 1 < self.windows() {
             self.window += 1;
-            return true;
-        }
-        let at = stepper.frame().sequence;
-        stepper.step(1);
-        let is_moved = stepper.frame().sequence != at;
-        if is_moved {
+        } else if is_stepped(1, stepper) {
             self.window = 0;
+        } else {
+            return false;
         }
-        is_moved
+        true
     }
 
     /// Goes to the window after the last one that has a label.
     ///
     /// # Errors
     /// A frame that has labels is another pair in this source.
-    pub(super) fn resume(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+    pub(super) fn resume(&mut self, stepper: &mut WindowStepper<'_>) -> anyhow::Result<()> {
         let Some((_, window)) = self.labels.last() else {
             return Ok(());
         };
-        let mut labelled: Vec<_> = self.labels.sequences().collect();
-        labelled.dedup();
-        for labelled in labelled {
+        let mut sequences: Vec<_> = self.labels.sequences().collect();
+        sequences.dedup();
+        for labelled in sequences {
             stepper.go_to(labelled);
             let frame = stepper.frame();
-            if frame.sequence == labelled {
-                let pair_hash = || frame.pair.hash();
-                self.labels.check(&self.source, labelled, pair_hash)?;
-            } else {
+            if frame.sequence != labelled {
                 let (table, source) = (self.labels.path.display(), self.source.display());
                 bail!(
                     "{table}: labels frame {labelled}, which {source} does not have; name the \
                      recording that was labelled, or another table with -o"
                 );
             }
+            let pair_hash = || frame.pair.hash();
+            self.labels.check(&self.source, labelled, pair_hash)?;
         }
         self.window = window;
         let is_moved = self.next(stepper);
@@ -125,19 +114,15 @@ impl Categorizer {
         Ok(())
     }
 
-    fn back(&mut self, stepper: &mut Stepper<'_>) {
+    fn back(&mut self, stepper: &mut WindowStepper<'_>) {
         if self.window > 0 {
             self.window -= 1;
-        } else {
-            let at = stepper.frame().sequence;
-            stepper.step(-1);
-            if stepper.frame().sequence != at {
-                self.window = self.windows() - 1;
-            }
+        } else if is_stepped(-1, stepper) {
+            self.window = self.windows() - 1;
         }
     }
 
-    fn undo(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+    fn undo(&mut self, stepper: &mut WindowStepper<'_>) -> anyhow::Result<()> {
         let Some(Labelled { sequence, before }) = self.done.pop() else {
             stepper.say("there is nothing to undo");
             return Ok(());
@@ -150,16 +135,20 @@ impl Categorizer {
         self.save()
     }
 
-    fn pick(&mut self, key: Key) {
+    fn pick(&mut self, arrow: Key) {
         let columns = FrameLabels::columns(self.labels.kind);
-        let (column, last) = (self.window % columns, self.windows() - 1);
-        self.window = match key {
-            Key::Left if column > 0 => self.window - 1,
-            Key::Right if column + 1 < columns => self.window + 1,
-            Key::Up if self.window >= columns => self.window - columns,
-            Key::Down if self.window + columns <= last => self.window + columns,
-            _ => self.window,
-        };
+        let rows = self.windows() / columns;
+        let picked = (self.window % columns, self.window / columns);
+        let (column, row) = picture::beside(GridShape { columns, rows }, picked, arrow);
+        self.window = row * columns + column;
+    }
+
+    /// Left upper corners of the windows in a frame.
+    fn corners(&self, frame: &Frame) -> svl::Result<Vec<[usize; 2]>> {
+        let (kind, shape) = (self.labels.kind, GridShape::default());
+        let side = kind.spec().features.window;
+        let windows = FilterWindows::new(kind, side, frame.pair.size(), shape)?;
+        Ok(windows.corners().to_vec())
     }
 
     /// The text beside the image.
@@ -192,56 +181,57 @@ impl Categorizer {
 }
 
 impl StepTool for Categorizer {
-    fn keys(&self) -> &'static [(&'static str, &'static str)] {
-        KEYS
-    }
+    const KEYS: &'static [(&'static str, &'static str)] = &[
+        ("a", "it shows what the filter detects"),
+        ("b", "it does not"),
+        ("A B", "all windows of the frame, also labelled ones"),
+        ("s", "skip: neither"),
+        ("arrows", "pick a window"),
+        ("Backspace", "back to the one before"),
+        ("u", "undo the last label"),
+    ];
 
-    fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        windows(self, stepper.frame())?;
+    fn show(&mut self, stepper: &mut WindowStepper<'_>) -> anyhow::Result<()> {
+        self.corners(stepper.frame())?;
         Ok(())
     }
 
-    fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
+    fn key(&mut self, key: Key, stepper: &mut WindowStepper<'_>) -> anyhow::Result<bool> {
         match key {
-            Key::Char(c @ ('a' | 'b')) => {
+            Press(Char(c @ ('a' | 'b'))) => {
                 self.label(self.window..self.window + 1, c == 'a', stepper)?;
             }
-            Key::Char(c @ ('A' | 'B')) => self.label(0..self.windows(), c == 'A', stepper)?,
-            Key::Char('s') => {
+            Press(Char(c @ ('A' | 'B'))) => self.label(0..self.windows(), c == 'A', stepper)?,
+            Press(Char('s')) => {
                 self.next(stepper);
             }
-            Key::Char('u') => self.undo(stepper)?,
-            Key::Backspace => self.back(stepper),
-            Key::Left | Key::Right | Key::Up | Key::Down => self.pick(key),
-            Key::Char('q') => return Ok(Reaction::Quit),
-            _ => return Ok(Reaction::Ignored),
+            Press(Char('u')) => self.undo(stepper)?,
+            Press(Backspace) => self.back(stepper),
+            Press(Left | Right | Up | Down) => self.pick(key),
+            _ => return Ok(false),
         }
-        Ok(Reaction::Taken)
+        Ok(true)
     }
 
-    fn draw(&mut self, stepper: &Stepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
+    fn draw(&mut self, stepper: &WindowStepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
         let frame = stepper.frame();
-        let lines = self.lines(frame);
-        let image = picture::draw_beside(&lines, frame.pair.left(), canvas);
-        let buffer = canvas.screen.buffer_mut();
-        if let Ok(windows) = windows(self, frame) {
-            for (window, &corner) in windows.corners().iter().enumerate() {
-                let side = self.labels.kind.spec().features.window;
-                let place = on_screen(corner, side, frame.pair.size(), image);
-                let is_picked = window == self.window;
-                let label = self.labels.get(frame.sequence, window);
-                let label = label.map(|is| self.labels.category(is));
-                outline(place, is_picked, label.unwrap_or_default(), buffer);
-            }
+        let image = picture::draw_beside(&self.lines(frame), frame.pair.left(), canvas);
+        let side = self.labels.kind.spec().features.window;
+        for (window, corner) in self.corners(frame).into_iter().flatten().enumerate() {
+            let place = on_screen(corner, side, frame.pair.size(), image);
+            let label = self.labels.get(frame.sequence, window);
+            let label = label.map_or("", |is| self.labels.category(is));
+            let is_picked = window == self.window;
+            outline(place, is_picked, label, canvas.screen.buffer_mut());
         }
     }
 }
 
-/// The windows of the filter in a frame.
-fn windows(tool: &Categorizer, frame: &Frame) -> svl::Result<FilterWindows> {
-    let kind = tool.labels.kind;
-    let side = kind.spec().features.window;
-    FilterWindows::new(kind, side, frame.pair.size(), GridShape::default())
+/// Moves the frame; true if there is another one in that direction.
+fn is_stepped(by: i64, stepper: &mut WindowStepper<'_>) -> bool {
+    let at = stepper.frame().sequence;
+    stepper.step(by);
+    stepper.frame().sequence != at
 }
 
 /// A square of the image, in characters.
@@ -259,24 +249,21 @@ fn on_screen(
 
 /// The corners of a window with its label; the picked one all around.
 fn outline(place: Rect, is_picked: bool, label: &str, buffer: &mut Buffer) {
+    if place.width < 2 || place.height < 2 {
+        return;
+    }
     let color = if is_picked {
         Color::Yellow
     } else {
         Color::Gray
     };
-    let style = Style::reset().fg(color).add_modifier(Modifier::BOLD);
-    if place.width < 2 || place.height < 2 {
-        return;
-    }
+    let style = Style::reset().fg(color).bold();
     for (at, line) in picture::border(place) {
-        let is_corner = !["━", "┃"].contains(&line);
-        if let Some(cell) = buffer.cell_mut(at)
-            && (is_picked || is_corner)
-        {
-            cell.set_symbol(line).set_style(style);
+        if is_picked || !["━", "┃"].contains(&line.as_str()) {
+            buffer[at].set_symbol(&line).set_style(style);
         }
     }
-    let bold = Style::reset().add_modifier(Modifier::BOLD).fg(Color::Green);
-    let room = usize::from(place.width.saturating_sub(2));
-    buffer.set_stringn(place.x + 1, place.y + place.height / 2, label, room, bold);
+    let green = Style::reset().fg(Color::Green).bold();
+    let room = usize::from(place.width - 2);
+    buffer.set_stringn(place.x + 1, place.y + place.height / 2, label, room, green);
 }

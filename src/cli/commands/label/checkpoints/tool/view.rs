@@ -1,11 +1,11 @@
 //! The screen while labelling: the left image with the grid over it, and beside it the
 //! checkpoint.
 
-use super::tool::Labelling;
+use super::Labelling;
 use crate::cli::shared::stepper::{ToolCanvas, picture};
 use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
-use ratatui::style::{Color, Modifier, Style};
+use ratatui::layout::{Margin, Rect};
+use ratatui::style::{Color, Style};
 use svl::counted;
 use svl::score::Verdict;
 use svl::stereo::Frame;
@@ -27,37 +27,29 @@ pub(super) fn draw(tool: &Labelling, frame: &Frame, canvas: &mut ToolCanvas<'_, 
 
 /// A line left of a cell and one above it, but not around the image.
 fn border(cell: Rect, (column, row): (usize, usize), buffer: &mut Buffer) {
-    let style = Style::reset().fg(Color::Gray);
-    let mut set = |x: u16, y: u16, line: &str| {
-        if let Some(cell) = buffer.cell_mut((x, y)) {
-            cell.set_symbol(line).set_style(style);
-        }
-    };
-    if row > 0 {
-        (cell.left()..cell.right()).for_each(|x| set(x, cell.y, "─"));
-    }
-    if column > 0 {
-        (cell.top()..cell.bottom()).for_each(|y| set(cell.x, y, "│"));
-    }
-    if row > 0 && column > 0 {
-        set(cell.x, cell.y, "┼");
+    for at in cell.positions() {
+        let is_top = row > 0 && at.y == cell.top();
+        let line = match (is_top, column > 0 && at.x == cell.left()) {
+            (true, true) => "┼",
+            (true, false) => "─",
+            (false, true) => "│",
+            (false, false) => continue,
+        };
+        let style = Style::reset().fg(Color::Gray);
+        buffer[at].set_symbol(line).set_style(style);
     }
 }
 
 /// The cell that is picked, all around.
 fn outline(cell: Rect, buffer: &mut Buffer) {
-    let style = Style::reset()
-        .fg(Color::Yellow)
-        .add_modifier(Modifier::BOLD);
     let is_roomy = cell.width > 2 && cell.height > 2;
     for (at, line) in picture::border(cell) {
         // Text in a cell of few characters stays.
-        if let Some(place) = buffer.cell_mut(at)
-            && (is_roomy || place.symbol() == "│")
-        {
-            place.set_symbol(line).set_style(style);
-        } else if let Some(place) = buffer.cell_mut(at) {
-            place.set_style(Style::new().add_modifier(Modifier::REVERSED));
+        if is_roomy || buffer[at].symbol() == "│" {
+            let style = Style::reset().fg(Color::Yellow).bold();
+            buffer[at].set_symbol(&line).set_style(style);
+        } else {
+            buffer[at].set_style(Style::new().reversed());
         }
     }
 }
@@ -65,20 +57,17 @@ fn outline(cell: Rect, buffer: &mut Buffer) {
 /// The label, and below it the report of the algorithm.
 fn texts(tool: &Labelling, at: (usize, usize), cell: Rect, buffer: &mut Buffer) {
     let label = tool.draft.label(at.into()).map(String::from);
+    let label = label.map(|text| (text, Style::reset().fg(Color::Green).bold()));
     let reported = tool.reported.as_ref().map(|reported| {
         let [mark, _] = mark(tool.verdict(at));
-        reported.words(at) + mark
+        (reported.words(at) + mark, Style::reset())
     });
-    let bold = Style::reset().add_modifier(Modifier::BOLD).fg(Color::Green);
-    let texts = label.map(|text| (text, bold)).into_iter();
-    let texts = texts.chain(reported.map(|text| (text, Style::reset())));
     // Within the outline, where there is room for it.
     let inset = |side: u16| u16::from(side > 2);
-    let (x, y) = (cell.x + inset(cell.width), cell.y + inset(cell.height));
-    let bottom = cell.bottom().saturating_sub(inset(cell.height));
-    let width = usize::from(cell.width.saturating_sub(2 * inset(cell.width)));
-    for ((text, style), y) in texts.zip(y..bottom) {
-        buffer.set_stringn(x, y, text, width, style);
+    let inner = cell.inner(Margin::new(inset(cell.width), inset(cell.height)));
+    let rows = inner.top()..inner.bottom();
+    for ((text, style), y) in label.into_iter().chain(reported).zip(rows) {
+        buffer.set_stringn(inner.x, y, text, inner.width.into(), style);
     }
 }
 
@@ -101,29 +90,29 @@ fn lines(tool: &Labelling, frame: &Frame) -> Vec<String> {
     };
     let (column, row) = tool.picked;
     let label = tool.draft.label([column, row]);
+    let label = label.map_or("not labelled".to_owned(), |label| {
+        format!("labelled {label}")
+    });
     let mut lines = vec![
         format!("checkpoint {}: {name}", tool.file.next_number()),
         format!("frames {first} to {last}"),
         format!("{} labelled", counted(tool.draft.cells.len(), "cell")),
         String::new(),
         format!("cell ({column}, {row})"),
-        label.map_or("  not labelled".to_owned(), |label| {
-            format!("  labelled {label}")
-        }),
+        format!("  {label}"),
     ];
     if let Some(reported) = &tool.reported {
         let [_, word] = mark(tool.verdict(tool.picked));
         let words = reported.words(tool.picked);
-        lines.push(format!("  {} {words} {word}", reported.label()));
+        lines.push(format!("  {} {words} {word}", reported.label));
     }
     let others = tool.others(frame);
     if !others.is_empty() {
-        lines.push(String::new());
-        lines.push("written for this frame:".to_owned());
+        lines.extend(["", "written for this frame:"].map(str::to_owned));
         lines.extend(others.iter().map(|other| format!("  {other}")));
     }
-    lines.push(String::new());
     let keys = [
+        "",
         "arrows pick, 0.43 metres",
         "= words, f free, x clear",
         "[ ] frames, n name, w write",
