@@ -719,8 +719,9 @@ mod tests {
 
     #[test]
     fn raw_cameras_are_known() {
+        type Change<'a> = &'a dyn Fn(&mut Calibration);
         let turn = matrix(&[0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-        let changes: [(bool, &dyn Fn(&mut Calibration)); 8] = [
+        let changes: [(bool, Change); 8] = [
             (false, &|_| {}),
             (false, &|c| c.r = Ok(Matrix3::zeros())),
             (true, &|c| c.d = vec![-0.28]),
