@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// The histories by default and in `.ci/nightly`; the variable `SVL_HISTORIES` has another number
 /// of them, and `SVL_HISTORY` the first.
-const HISTORIES: [std::ops::Range<u64>; 2] = [0..2, 0..40];
+const HISTORIES: [std::ops::Range<u64>; 2] = [0..4, 0..40];
 
 /// Commands of a history.
 const STEPS: usize = 6;
