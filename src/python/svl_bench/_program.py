@@ -34,7 +34,7 @@ def running(*words: str, ok: Sequence[int] = (0,)) -> Iterator[subprocess.Popen[
     leaves early, svl is asked to end orderly, and waited for."""
     line = [program(), *words]
     errors: list[str] = []
-    # The thread alone has the reading end, and at Python's end nobody waits for it.
+    # The thread alone has the reading end, and at Python's end nothing waits for it.
     reading, writing = os.pipe()
     messages = threading.Thread(target=_pass_on, args=(reading, errors), daemon=True)
     messages.start()

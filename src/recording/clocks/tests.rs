@@ -204,7 +204,7 @@ fn a_topic_of_another_clock_is_named_with_its_offset() {
     // Left log times that are stamps are compared with others.
     let unlogged = |robot: &mut [Publisher]| (robot[0].latency_ns, robot[0].jitter_ns) = (0, 0);
     check_points(unlogged, -1, "1.006 s behind");
-    // Left images that come late accuse nobody.
+    // Left images that come late accuse no camera.
     check_points(
         |robot| robot[0].latency_ns += 800 * MS,
         -3,

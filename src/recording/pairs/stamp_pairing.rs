@@ -486,7 +486,7 @@ mod tests {
         assert_eq!(push(Left, 0..1500), (0, 100, [0, 50], 0));
         // The first fifty are reported as late.
         assert_eq!(push(Right, 0..1500), (100, 0, [100, 0], 50));
-        // Nobody is late where no partner comes.
+        // No image is late where no partner comes.
         assert_eq!(push(Left, 5000..6500), (0, 100, [100, 50], 50));
         assert_eq!(push(Right, 6500..6510), (0, 99, [151, 0], 50));
     }

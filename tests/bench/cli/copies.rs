@@ -103,13 +103,13 @@ fn training_refuses_copies() {
 #[test]
 fn scores_on_what_was_fitted_to_are_warned_of() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 3);
+    fixture.write_short_arena("short.toml", 6);
     fixture.run("-q train v5 short.toml --seeds 204..209 --epochs 1 -o whole.safetensors");
     fixture.run("-q train v5 short.toml --seeds 107..109 --tables-only -o own.safetensors");
     for seed in [204, 206, 208, 108, 109] {
-        fixture.record_short_arena(&format!("{seed}.mcap"), 3, seed);
+        fixture.record_short_arena(&format!("{seed}.mcap"), 6, seed);
     }
-    fixture.record_short_arena("4.mcap", 3, 41);
+    fixture.record_short_arena("4.mcap", 6, 41);
     fixture.write("keys", "q\n");
     fixture.run("record 108.mcap --ros2 -q -o ros.mcap");
     let own = "v5:model=own.safetensors";

@@ -105,34 +105,42 @@ pub fn plain(text: &str) -> String {
 /// - `!WORDS`: it does not have them; `^WORDS`: it begins with them.
 /// - `2x WORDS`: it has them twice.
 /// - `/PATH = VALUE`, `!=`, `<`, `>`, `has`: of the JSON that the text is; see [`values`].
-/// - `/PATH absent`: the JSON has no value there.
+/// - `/PATH absent`: the JSON has no value there, but what would hold it.
 #[track_caller]
 pub fn assert_words(text: &str, conditions: &str) {
     let conditions = conditions.replace("\\n", "\n");
+    for condition in conditions.split(" | ").filter(|words| !words.is_empty()) {
+        assert!(
+            is_true(text, condition),
+            "'{condition}' is not true of: {text}"
+        );
+    }
+}
+
+fn is_true(text: &str, condition: &str) -> bool {
     let plain = plain(text);
     let count = |words: &str| {
         let counts = [text, &plain].map(|text| text.matches(words).count());
         counts.into_iter().max().unwrap_or_default()
     };
-    for condition in conditions.split(" | ").filter(|words| !words.is_empty()) {
-        let counted = condition.split_once("x ");
-        let counted = counted.and_then(|(n, words)| Some((n.parse::<usize>().ok()?, words)));
-        let of_json = condition.starts_with('/').then(|| holds(text, condition));
-        let is_true = match (condition.split_at_checked(1), counted, of_json.flatten()) {
-            (Some(("!", words)), ..) => count(words) == 0,
-            (Some(("^", words)), ..) => [text, &plain].iter().any(|text| text.starts_with(words)),
-            (_, Some((times, words)), _) => count(words) == times,
-            (.., Some(is_true)) => is_true,
-            _ => count(condition) > 0,
-        };
-        assert!(is_true, "'{condition}' is not true of: {text}");
+    let counted = condition.split_once("x ");
+    let counted = counted.and_then(|(n, words)| Some((n.parse::<usize>().ok()?, words)));
+    let of_json = condition.starts_with('/').then(|| holds(text, condition));
+    match (condition.split_at_checked(1), counted, of_json.flatten()) {
+        (Some(("!", words)), ..) => count(words) == 0,
+        (Some(("^", words)), ..) => [text, &plain].iter().any(|text| text.starts_with(words)),
+        (_, Some((times, words)), _) => count(words) == times,
+        (.., Some(is_true)) => is_true,
+        _ => count(condition) > 0,
     }
 }
 
 /// The truth of a condition on JSON, of all values at its path; `None` for any other text.
 fn holds(text: &str, condition: &str) -> Option<bool> {
     if let Some(path) = condition.strip_suffix(" absent") {
-        return Some(values(serde_json::from_str(text).unwrap(), path).is_empty());
+        let at = |path| values(serde_json::from_str(text).unwrap(), path);
+        let (parent, _) = path.rsplit_once('/')?;
+        return Some(!at(parent).is_empty() && at(path).is_empty());
     }
     let mut parts = condition.splitn(3, ' ');
     let (path, operator, expected) = (parts.next()?, parts.next()?, parts.next()?);
@@ -179,4 +187,32 @@ fn values(json: Value, path: &str) -> Vec<Value> {
 
 fn has(object: &serde_json::Map<String, Value>, text: &str) -> bool {
     object.values().any(|value| value == text)
+}
+
+#[test]
+fn conditions_tell_true_from_false() {
+    let text = "two words\n  of two lines";
+    let json = r#"{"a": 1.0, "b": null, "c": [{"name": "x", "n": 2}, {"n": 3}], "d": []}"#;
+    let cases = [
+        (text, "words of", "words two"),
+        (text, "!three", "!two"),
+        (text, "^two", "^words"),
+        (text, "2x two", "1x two"),
+        (json, "/a = 1", "/a = 2"),
+        (json, "/a != 2", "/a != 1"),
+        (json, "/a < 2", "/a < 1"),
+        (json, "/a > 0", "/a > 1"),
+        (json, "/b = null", "/none = null"),
+        (json, "/none absent", "/b absent"),
+        (json, "/c/*/none absent", "/d/*/none absent"),
+        (json, "/c/x/n = 2", "/c/x/n = 3"),
+        (json, "/c/1/n = 3", "/c/2/n = 3"),
+        (json, "/c/# = 2", "/c/# = 1"),
+        (json, "/c/*/n > 1", "/c/*/n > 2"),
+        (json, "/c/0/name has x", "/c/0/name has y"),
+    ];
+    for (text, right, wrong) in cases {
+        assert!(is_true(text, right), "{right}");
+        assert!(!is_true(text, wrong), "{wrong}");
+    }
 }
