@@ -28,6 +28,7 @@ pub fn with_filters(algorithms: Vec<Algorithm>, filters: &[Arc<FilterModel>]) ->
 }
 
 /// The filters of a scenario: read, or trained first if the cache does not have them.
+#[inline]
 pub fn scenario_filters(
     scenario: &Scenario,
     console: &dyn Console,
@@ -38,6 +39,7 @@ pub fn scenario_filters(
         .collect()
 }
 
+#[inline]
 fn model(
     filter: &ScenarioFilter,
     scenario: &Scenario,

@@ -115,6 +115,7 @@ impl Manifest {
     ///
     /// # Errors
     /// [`Error::Invalid`] for a manifest that cannot be serialized.
+    #[inline]
     pub fn differences(&self, other: &Self, purpose: Purpose) -> Result<Vec<String>> {
         let (ours, theirs) = (self.identity()?, other.identity()?);
         let mut differing = Vec::new();
@@ -140,6 +141,7 @@ impl Manifest {
     ///
     /// # Errors
     /// The errors of [`Self::differences`].
+    #[inline]
     pub fn identity_hash(&self, purpose: Purpose) -> Result<String> {
         let (identity, mut fields) = (self.identity()?, Vec::new());
         let mut add = |path: &str, value: Option<&Value>, _: Option<&Value>| {
@@ -151,6 +153,7 @@ impl Manifest {
     }
 
     /// The manifest without entries that only describe this machine or the end of the run.
+    #[inline]
     fn identity(&self) -> Result<Value> {
         let mut manifest = self.clone();
         for algorithm in &mut manifest.algorithms {

@@ -218,6 +218,7 @@ impl Manifest {
 
     /// True if each pair of a run shows another scene, though the pairs have times: random shapes,
     /// simulated or recorded.
+    #[inline]
     pub fn has_separate_pairs(&self, run: Option<&str>) -> bool {
         let Some(run) = run else {
             let arena: Option<ArenaConfig> = self.part("arena").ok().flatten();
@@ -273,6 +274,7 @@ impl Manifest {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for anything but a manifest.
+    #[inline]
     pub fn read(report: &Path) -> Result<Self> {
         read_json(&report.join("manifest.json"))
     }

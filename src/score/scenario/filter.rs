@@ -72,6 +72,7 @@ impl ScenarioFilter {
     /// # Errors
     /// The errors of [`Scenario::read`]; [`Error::Format`] for one that does not use the arena, or
     /// shares a seed with `scored`.
+    #[inline]
     pub fn training(&self, scored: &Scenario) -> Result<Vec<Scenario>> {
         let training = self.scenario.iter().map(|path| {
             let mut training = Scenario::read(path)?;

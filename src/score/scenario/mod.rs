@@ -93,6 +93,7 @@ impl Scenario {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] with line and column, or with the contradiction.
+    #[inline]
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_text(path, MAX_BYTES).map_err(|error| match path.parent() {
             Some(folder) if folder.ends_with("scenarios") && !folder.exists() => {
@@ -232,6 +233,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The errors of [`Scenario::read`].
+    #[inline]
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file: File = toml::from_str(text).map_err(|e| toml_error(&e, text, path))?;
         file.check(text, path.parent().unwrap_or(Path::new("")))

@@ -14,6 +14,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The errors of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not UTF-8.
+    #[inline]
     pub fn to_toml(&self, folder: &Path) -> Result<String> {
         let file = self.file(&|path| relative_path(path, folder))?;
         toml::to_string(&file).map_err(|e| self.unwritten(&e))
@@ -23,6 +24,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The errors of [`Scenario::to_toml`].
+    #[inline]
     pub fn to_json(&self) -> Result<serde_json::Value> {
         let file = self.file(&|path| path.to_owned())?;
         // Through TOML, in which absent keys are absent.
