@@ -79,7 +79,7 @@ impl Cli {
         let cli = match parsed.and_then(|matches| Self::from_arg_matches(&matches)) {
             Ok(cli) => cli,
             Err(error) => {
-                let code = usage::report_clap(&error);
+                let code = usage::report_clap(&error, &program());
                 // The version ends the parsing: -v may come after it.
                 let is_verbose = |arg: String| ["-v", "-vv", "--verbose"].contains(&&*arg);
                 if error.kind() == ErrorKind::DisplayVersion && std::env::args().any(is_verbose) {
@@ -91,9 +91,10 @@ impl Cli {
             }
         };
         if let Command::Help(args) = &cli.command {
-            return args
-                .page(program())
-                .map_or_else(|error| usage::report_clap(&error), |_| ExitCode::SUCCESS);
+            return args.page(program()).map_or_else(
+                |error| usage::report_clap(&error, &program()),
+                |_| ExitCode::SUCCESS,
+            );
         }
         cli.configure();
         let waits_for_keys = cli.command.waits_for_keys();

@@ -1,6 +1,7 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
 use crate::pages::html::figures::{CheckpointFigure, ReportPage, SceneFigure};
+use crate::pages::html::timeline::Timeline;
 use crate::pages::maps::maps;
 use crate::pages::sweeps::sweeps;
 use crate::results::algorithm_parameters::write_algorithms;
@@ -198,6 +199,7 @@ impl Report<'_> {
                 .collect(),
             description: plan.manifest.part("description")?.unwrap_or_default(),
             times_ms: times_ms(&tables.rows),
+            timeline: Timeline::new(&tables.rows).with_figures(&figures),
             cases: summary.case_table(&tables.rows, &tables.drives),
             summary: summary.clone(),
             sweeps: sweeps(&manifest.algorithms),

@@ -7,18 +7,20 @@ use svl_core::Result;
 use svl_core::stereo::hash_words;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_files as files;
-use svl_files::overlay::{self, Nearness, Picture};
+use svl_files::overlay::{self, NO_DISPARITY, Nearness, Picture, errors};
 use svl_recording::Reader;
 use svl_report::Row;
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
-use svl_report::units::{BlockPictures, CheckpointShot, StoredImage};
+use svl_report::units::{
+    Badness, BlockPictures, CheckpointShot, StoredImage, WorstFrame, WorstFrames, WorstPicture,
+};
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
 use svl_score::manifest::Manifest;
 use svl_sim::arena::Arena;
 
-/// Largest width of a frame's picture, pixels: that of the arena's.
-const MAX_WIDTH: usize = 320;
+/// Largest width of a frame's picture, pixels.
+const MAX_WIDTH: usize = 640;
 /// Largest width of a scene's picture: sixteen scenes through eight algorithms are a page of
 /// 3.3 MB. The page shows it two thirds as wide.
 const MAX_SCENE_WIDTH: usize = 200;
@@ -37,8 +39,17 @@ pub(super) struct BlockShots {
     tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
     samples: Vec<(u64, CheckpointFigure)>,
     scenes: Vec<(u64, SceneFigure)>,
+    /// The worst frames by algorithm.
+    worst: BTreeMap<String, WorstFrames<RawPicture>>,
     /// The left image of the frame at a place, encoded.
     left: Option<(u64, Vec<u8>)>,
+}
+
+/// The picture of one of the worst frames: most are outdone soon.
+#[derive(Clone)]
+enum RawPicture {
+    Frame(CheckpointFigure, Box<RawShot>),
+    Scene(Box<SceneFigure>),
 }
 
 /// A shot whose disparities are not encoded yet: most leading frames are outdone soon.
@@ -97,6 +108,25 @@ impl BlockShots {
                 }
             }
         }
+        for (label, worst) in std::mem::take(&mut self.worst) {
+            let own = pictures.entry(label).or_default();
+            for frame in worst.finish() {
+                let picture = match frame.picture {
+                    RawPicture::Scene(scene) => WorstPicture::Scene(scene),
+                    RawPicture::Frame(figure, raw) => {
+                        let shots = vec![(Rank::Sample, raw.encoded()?)];
+                        WorstPicture::Frame(Box::new(CheckpointFigure { shots, ..figure }))
+                    }
+                };
+                own.worst.push(WorstFrame {
+                    picture,
+                    badness: frame.badness,
+                    run: frame.run,
+                    place: frame.place,
+                    stamp_ns: frame.stamp_ns,
+                });
+            }
+        }
         for (place, mut figure) in std::mem::take(&mut self.samples) {
             for shot in std::mem::take(&mut figure.shots) {
                 let own = pictures.entry(shot.1.row.algorithm.clone()).or_default();
@@ -137,6 +167,9 @@ impl BlockShots {
                 self.take_checkpoint(c, (place, frame), identity, judged, scored)?;
             }
         }
+        for scored in &shown {
+            self.take_worst(place, identity, judged, scored)?;
+        }
         if !self.checkpoints.is_empty() || shown.is_empty() {
             return Ok(());
         }
@@ -172,16 +205,12 @@ impl BlockShots {
         scored: &JudgedEstimate,
     ) -> Result<()> {
         let key = (c, scored.estimate.algorithm.clone());
-        let tally = self.tallies.entry(key).or_default();
-        let (best, worst) = tally.would_lead(&frame);
+        let tally = self.tallies.get(&key);
+        let (best, worst) = tally.map_or((true, true), |tally| tally.would_lead(&frame));
         let mut shot = None;
         if best || worst {
+            let left = self.left_image(place, &judged.frame)?;
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
-            let left = match &self.left {
-                Some((own, left)) if *own == place => left.clone(),
-                _ => left_image(&judged.frame)?,
-            };
-            self.left = Some((place, left.clone()));
             let mut raw = raw_shot(identity, judged, scored, left);
             raw.shot.passed = Some(frame.passed);
             raw.shot.failures = checkpoint.failures(grid, scored.cells.as_deref());
@@ -189,8 +218,77 @@ impl BlockShots {
             shot = Some(raw);
         }
         // The shot exists if and only if the frame leads, and only then it is asked for.
+        let tally = self.tallies.entry(key).or_default();
         tally.add(frame, || shot.clone().expect("a leading frame"));
         Ok(())
+    }
+
+    /// The left image of the frame at that place, encoded once.
+    fn left_image(&mut self, place: u64, frame: &Frame) -> Result<Vec<u8>> {
+        let left = match self.left.take() {
+            Some((own, left)) if own == place => left,
+            _ => left_image(frame)?,
+        };
+        self.left = Some((place, left.clone()));
+        Ok(left)
+    }
+
+    /// Takes the frame if it is one of the worst of its algorithm so far.
+    fn take_worst(
+        &mut self,
+        place: u64,
+        identity: &RowIdentity,
+        judged: &Judged,
+        scored: &JudgedEstimate,
+    ) -> Result<()> {
+        let label = &scored.estimate.algorithm;
+        let takes = |badness: &Badness| {
+            let own = self.worst.get(label);
+            own.is_none_or(|own| own.takes(badness))
+        };
+        let Some(badness) = badness(scored, self.cells).filter(takes) else {
+            return Ok(());
+        };
+        let frame = &judged.frame;
+        let scene_name = frame.name.as_ref().filter(|_| identity.run.is_none());
+        let picture = match scene_name {
+            Some(name) => {
+                let scene = scene(identity, name, judged, &[scored])?;
+                RawPicture::Scene(Box::new(scene))
+            }
+            None => {
+                let left = self.left_image(place, frame)?;
+                let raw = raw_shot(identity, judged, scored, left);
+                RawPicture::Frame(self.figure(identity, frame), Box::new(raw))
+            }
+        };
+        let stamp_ns = scene_name.is_none().then_some(frame.stamp_ns);
+        self.worst
+            .entry(label.clone())
+            .or_default()
+            .add(WorstFrame {
+                badness,
+                // The report knows the place of the run.
+                run: 0,
+                place,
+                stamp_ns,
+                picture,
+            });
+        Ok(())
+    }
+
+    /// The heading of a frame, without its shots.
+    fn figure(&self, identity: &RowIdentity, frame: &Frame) -> CheckpointFigure {
+        let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
+        let seed = identity.seed.map(|seed| format!("seed {seed}"));
+        let run = identity.run.clone().or(seed).unwrap_or_default();
+        CheckpointFigure {
+            checkpoint: None,
+            title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
+            at_s: Some(seconds),
+            about: String::new(),
+            shots: Vec::new(),
+        }
     }
 
     /// A frame of a recording.
@@ -200,18 +298,46 @@ impl BlockShots {
         judged: &Judged,
         shown: &[&JudgedEstimate],
     ) -> Result<CheckpointFigure> {
-        let frame = &judged.frame;
-        let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
-        let run = identity.run.as_deref().unwrap_or_default();
         let shots = shown.iter();
         let shots = shots.map(|scored| Ok((Rank::Sample, frame_shot(identity, judged, scored)?)));
         Ok(CheckpointFigure {
-            checkpoint: None,
-            title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
-            at_s: Some(seconds),
-            about: String::new(),
             shots: shots.collect::<Result<_>>()?,
+            ..self.figure(identity, &judged.frame)
         })
+    }
+}
+
+/// How bad a frame is for an algorithm; absent without truth.
+fn badness(scored: &JudgedEstimate, rule: CellRule) -> Option<Badness> {
+    let cells = scored.cells.as_ref()?;
+    let errors = cells.iter().zip(scored.estimate.grid.iter());
+    let errors = errors.filter_map(|(judged, (_, cell))| judged.error_in_tolerances(cell, rule));
+    Some(Badness {
+        missed: cells.iter().filter(|cell| cell.near.missed).count() as u64,
+        wrong: scored.metrics.get("wrong")? as u64,
+        // JSON has no infinity.
+        error: errors.fold(0.0, f64::max).min(1e9),
+    })
+}
+
+/// The disparity at the end of the colours, pixels: the 99th percentile of the truth, else of all
+/// estimates of the frame.
+fn color_end(judged: &Judged) -> f32 {
+    let finite = |plane: &Plane<f32>| plane.pixels().filter(|px| px.is_finite()).collect();
+    let truth = judged.frame.truth.as_ref();
+    let mut values: Vec<f32> = truth.map_or_else(Vec::new, |truth| finite(&truth.disparity));
+    if values.is_empty() {
+        let maps = judged.estimates.iter();
+        let maps = maps.map(|scored| finite(scored.estimate.disparity.disparity()));
+        values = maps.collect::<Vec<Vec<_>>>().concat();
+    }
+    match values.len() {
+        0 => Nearness::for_frame(&judged.frame).near_px() as f32,
+        count => {
+            let rank = (count * 99).div_ceil(100) - 1;
+            let (_, end, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
+            end.max(1.0)
+        }
     }
 }
 
@@ -223,13 +349,17 @@ fn scene(
     shown: &[&JudgedEstimate],
 ) -> Result<SceneFigure> {
     let frame = &judged.frame;
-    let max_px = Nearness::for_frame(frame).near_px();
-    let disparities =
-        |plane: &Plane<f32>| png(overlay::disparities(plane, max_px as f32), MAX_SCENE_WIDTH);
+    let max_px = color_end(judged);
+    let disparities = |plane: &Plane<f32>| {
+        let picture = overlay::disparities(plane, max_px);
+        encoded(&picture.at_most(MAX_SCENE_WIDTH, NO_DISPARITY))
+    };
     let truth = frame.truth.as_ref();
     let shot = |scored: &&JudgedEstimate| {
         let map = &scored.estimate.disparity;
-        let errors = truth.map(|truth| png(overlay::errors::errors(map, truth), MAX_SCENE_WIDTH));
+        let errors = truth.map(|truth| {
+            encoded(&errors::errors(map, truth).at_most(MAX_SCENE_WIDTH, errors::NO_TRUTH))
+        });
         Ok(SceneResult {
             row: identity.row(judged, scored),
             disparities: disparities(map.disparity())?,
@@ -241,7 +371,7 @@ fn scene(
         title: name.to_owned(),
         size: frame.pair.size(),
         left: left(frame, MAX_SCENE_WIDTH)?,
-        max_px,
+        max_px: max_px.into(),
         truth: truth.transpose()?,
         shots: shown.iter().map(shot).collect::<Result<_>>()?,
     })
@@ -270,9 +400,9 @@ fn raw_shot(
     let size = frame.pair.size();
     let nearness = Nearness::for_frame(frame);
     let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
-    let preview = |plane: &Plane<f32>| {
-        overlay::disparities(plane, nearness.near_px() as f32).at_most(MAX_WIDTH)
-    };
+    let end_px = color_end(judged);
+    let preview =
+        |plane: &Plane<f32>| overlay::disparities(plane, end_px).at_most(MAX_WIDTH, NO_DISPARITY);
     let (map, truth) = (&estimate.disparity, frame.truth.as_ref());
     let shot = FrameShot {
         row: identity.row(judged, scored),
@@ -292,12 +422,8 @@ fn raw_shot(
         shot,
         preview: preview(map.disparity()),
         true_preview: truth.map(|truth| preview(&truth.disparity)),
-        errors: truth.map(|truth| overlay::errors::errors(map, truth).at_most(MAX_WIDTH)),
+        errors: truth.map(|truth| errors::errors(map, truth).at_most(MAX_WIDTH, errors::NO_TRUTH)),
     }
-}
-
-fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {
-    encoded(&picture.at_most(width))
 }
 
 /// The left image of a row of a report: rendered again, or read from svl's recording at its

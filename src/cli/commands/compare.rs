@@ -51,10 +51,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "BASE=OTHER", help_heading = "Input")]
     map: Vec<String>,
     /// Write a page: the changes, and the frames or courses that changed most; of three reports or
-    /// more, and as .json, the headline metrics, the newest last
+    /// more, and as .json, the headline metrics, the newest last; as .md, what --markdown prints
     #[arg(
         short, long, value_name = "FILE.html",
-        value_parser = usage::ending(&["html", "json"]), help_heading = "Output"
+        value_parser = usage::ending(&["html", "json", "md"]), help_heading = "Output"
     )]
     output: Option<PathBuf>,
     /// Fail if a metric became worse: one of the verdict, or those named. More pairs on which an
@@ -162,6 +162,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         (_, Some(path)) if files::has_ending(path, "json") => {
             Some(serde_json::to_string_pretty(&Trend::new(&runs)?)? + "\n")
         }
+        (_, Some(path)) if files::has_ending(path, "md") => {
+            Some(joined(&comparisons, &reasons, &Comparison::markdown))
+        }
         ([comparison], Some(_)) if runs.len() == 2 => {
             Some(page(comparison, &joins[0], &find_left)?)
         }
@@ -243,13 +246,20 @@ fn claim(args: &Args) -> anyhow::Result<Outputs> {
     Ok(Outputs::claim(args.force, [], outputs)?)
 }
 
+/// The comparisons as texts, below `reasons`: those of the reports without one.
+fn joined(
+    comparisons: &[Comparison],
+    reasons: &[String],
+    text: &dyn Fn(&Comparison) -> String,
+) -> String {
+    let reasons = reasons.iter().map(|why| format!("not comparable: {why}\n"));
+    let parts: Vec<_> = reasons.chain(comparisons.iter().map(text)).collect();
+    parts.join("\n")
+}
+
 /// Prints the comparisons. `reasons`: those of the reports without one.
 fn show(args: &Args, comparisons: &[Comparison], reasons: &[String]) -> anyhow::Result<()> {
-    let joined = |text: &dyn Fn(&Comparison) -> String| {
-        let reasons = reasons.iter().map(|why| format!("not comparable: {why}\n"));
-        let parts: Vec<_> = reasons.chain(comparisons.iter().map(text)).collect();
-        parts.join("\n")
-    };
+    let joined = |text: &dyn Fn(&Comparison) -> String| joined(comparisons, reasons, text);
     if args.json {
         print_json(&comparisons)
     } else if comparisons.is_empty() {

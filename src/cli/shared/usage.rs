@@ -2,9 +2,9 @@
 //! exit code 2.
 
 use super::terminal::print_error;
-use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::error::{ContextKind, ErrorKind};
+use clap::{Command, Error};
 use std::error::Error as _;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -42,6 +42,38 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("time", &["bench"]),
     ("convert", &["calibrate", "record"]),
     ("join", &["report"]),
+    ("gate", &["score --gate", "report --gate"]),
+];
+
+/// Options in other programs, or of another command, and what does the same here.
+const OPTION_SYNONYMS: &[(&str, &str)] = &[
+    ("--algorithm", "--algo"),
+    ("--ci", "--gate, --junit FILE.xml"),
+    (
+        "--dataset",
+        "the folder without an option: `svl score FOLDER`",
+    ),
+    (
+        "--depth",
+        "--truth for the truth, --algo topic:… for a contestant",
+    ),
+    ("--frame", "--from, --to"),
+    ("--frames", "--every, --from, --to"),
+    ("--ground-truth", "--truth"),
+    ("--gt", "--truth"),
+    ("--html", "-o: index.html in that folder is the page"),
+    ("--max-disparity", "a parameter: --algo bm:max_disparity=64"),
+    ("--max-disp", "a parameter: --algo bm:max_disparity=64"),
+    ("--near", "--near of `svl score`"),
+    (
+        "--num-disparities",
+        "a parameter: --algo bm:max_disparity=64",
+    ),
+    ("--out", "-o"),
+    ("--pdf", "index.html of the report, printed by a browser"),
+    ("--threshold", "--tolerance"),
+    ("--topic", "--left, --right, --truth"),
+    ("--topics", "--left, --right, --truth"),
 ];
 
 /// Names in use elsewhere, and the algorithms of that kind. OpenCV's own run as programs.
@@ -97,7 +129,7 @@ pub(crate) fn incomplete(words: String) -> anyhow::Error {
 
 /// Prints clap's error in one line, without the usage that `--help` shows; help and version as they
 /// are.
-pub(crate) fn report_clap(error: &Error) -> ExitCode {
+pub(crate) fn report_clap(error: &Error, program: &Command) -> ExitCode {
     if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         let text = error.to_string();
         let marks = ["\n\nUsage:", "\n\nFor more information"];
@@ -114,14 +146,13 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
         );
         let cause = error.source().and_then(|cause| cause.downcast_ref());
         let line = with_synonyms(line, cause);
-        let similar = similar_commands(error);
-        if similar.is_empty() {
-            print_error(format_args!("{line}; see --help"));
-        } else {
-            // clap knows only near spellings.
-            let line = line.split("; tip:").next().unwrap_or_default();
-            let similar = alternatives(similar);
-            print_error(format_args!("{line} (did you mean {similar}?); see --help"));
+        match similar(error, program) {
+            None => print_error(format_args!("{line}; see --help")),
+            Some(similar) => {
+                // clap knows only near spellings.
+                let line = line.split("; tip:").next().unwrap_or_default();
+                print_error(format_args!("{line} (did you mean {similar}?); see --help"));
+            }
         }
     } else {
         // A closed standard output is no reason to panic.
@@ -130,18 +161,31 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
     ExitCode::from(error.exit_code() as u8)
 }
 
-/// The commands that an unknown one stands for in other programs.
-fn similar_commands(error: &Error) -> &'static [&'static str] {
+/// What an unknown command or option stands for: in other programs, or below its command.
+fn similar(error: &Error, program: &Command) -> Option<String> {
     let context = |kind| error.get(kind).map(ToString::to_string);
-    let usage = context(ContextKind::Usage).unwrap_or_default();
-    match context(ContextKind::InvalidSubcommand) {
-        // Subcommands of a command have no synonyms.
-        Some(name) if usage.contains("svl [OPTIONS]") => {
-            let found = SYNONYMS.iter().find(|(synonym, _)| *synonym == name);
-            found.map_or(&[], |(_, commands)| commands)
-        }
-        _ => &[],
+    if let Some(option) = context(ContextKind::InvalidArg) {
+        let option = option.split(['=', ' ']).next().unwrap_or_default();
+        let mut synonyms = OPTION_SYNONYMS.iter();
+        let found = synonyms.find(|(synonym, _)| *synonym == option);
+        return found
+            .filter(|_| error.kind() == ErrorKind::UnknownArgument)
+            .map(|(_, cure)| (*cure).to_owned());
     }
+    let name = context(ContextKind::InvalidSubcommand)?;
+    // `Usage: svl label [OPTIONS] <COMMAND>`
+    let usage = context(ContextKind::Usage)?;
+    let mut words = usage.split_whitespace();
+    let command = words.find(|word| *word == "svl").and(words.next())?;
+    let Some(command) = program.find_subcommand(command) else {
+        let found = SYNONYMS.iter().find(|(synonym, _)| *synonym == name);
+        return found.map(|(_, commands)| alternatives(commands));
+    };
+    // A file in the place of a command.
+    Path::new(&name).extension()?;
+    let inner = command.get_subcommands().map(Command::get_name);
+    let inner = inner.map(|inner| format!("svl {} {inner} {name}", command.get_name()));
+    Some(alternatives(&inner.collect::<Vec<_>>()))
 }
 
 /// The line of an error, in which the name of an algorithm elsewhere has those of its kind.
@@ -149,6 +193,11 @@ fn with_synonyms(line: String, error: Option<&svl::Error>) -> String {
     let Some(error @ svl::Error::UnknownAlgorithm { name, .. }) = error else {
         return line;
     };
+    let each: Vec<_> = name.split(',').collect();
+    if each.len() > 1 && each.iter().all(|own| algorithm(own).is_ok()) {
+        let cure = format!("each has its own option: --algo {}", each.join(" --algo "));
+        return line.replace(&error.to_string(), &cure);
+    }
     let lower = name.to_lowercase();
     let mut synonyms = ALGORITHM_SYNONYMS.iter();
     let kind = synonyms.find(|(synonym, _)| *synonym == lower);

@@ -26,6 +26,9 @@ pub const HIDDEN: [u8; 3] = [0x50, 0x50, 0x50];
 /// No truth: not scored.
 pub const UNKNOWN: [u8; 3] = [0, 0, 0];
 
+/// The code of [`errors`] of a pixel without truth.
+pub const NO_TRUTH: u8 = BINS.len() as u8 + 2;
+
 /// The size of an error as defined by KITTI 2015: 1 at 3 px or at 5 % of the true disparity,
 /// whichever is more.
 pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {

@@ -21,4 +21,4 @@ pub use colors::{COLOR_COUNT, algorithm_color, parameter_color};
 pub use corners::corners_drawn;
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use picture::Picture;
-pub use preview::{disparities, preview, viridis};
+pub use preview::{NO_DISPARITY, disparities, preview, viridis};

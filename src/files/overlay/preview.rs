@@ -23,14 +23,16 @@ pub fn preview(map: &DisparityMap, max_px: f32) -> Vec<u8> {
 /// only on visible steps.
 const STEPS: u8 = 63;
 
+/// The code of no disparity, black.
+pub const NO_DISPARITY: u8 = 0;
+
 /// Disparities in pixels coloured like [`preview`], in 63 steps.
 pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     let step = |d: f32| {
         if d.is_finite() {
-            // Code 0 is black: no disparity.
-            1 + ((d / max_px).clamp(0.0, 1.0) * f32::from(STEPS - 1)).round() as u8
+            NO_DISPARITY + 1 + ((d / max_px).clamp(0.0, 1.0) * f32::from(STEPS - 1)).round() as u8
         } else {
-            0
+            NO_DISPARITY
         }
     };
     let colors = (0..STEPS).map(|i| viridis(f32::from(i) / f32::from(STEPS - 1)));

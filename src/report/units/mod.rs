@@ -20,6 +20,7 @@ pub mod shots;
 pub(crate) mod store;
 pub(crate) mod tables;
 pub(crate) mod unit;
+mod worst;
 
 pub use facts::{PairFacts, RunFacts};
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};
@@ -28,3 +29,4 @@ pub use run_units::RunUnits;
 pub use store::{REPORT_LIST, StoredSession, UNITS, Units};
 pub use tables::{collect_tables, made_of, read_tables, write_tables};
 pub use unit::{DriveFacts, StoredUnit, UnitHeader, UnitRows, UnitWriter, unit_format};
+pub use worst::{Badness, WorstFrame, WorstFrames, WorstPicture};

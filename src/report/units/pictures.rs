@@ -1,5 +1,6 @@
 //! Pictures of the pairs of a unit.
 
+use super::worst::{WorstFrame, WorstPicture};
 use crate::pages::html::figures::{CheckpointFigure, FrameShot, SceneFigure};
 use crate::rows::records::Row;
 use serde::{Deserialize, Serialize};
@@ -19,23 +20,42 @@ pub struct BlockPictures {
     pub samples: Vec<(u64, CheckpointFigure)>,
     /// Scenes by their places in the run.
     pub scenes: Vec<(u64, SceneFigure)>,
+    /// The algorithm's worst frames, the worst first.
+    pub worst: Vec<WorstFrame<WorstPicture>>,
 }
 
 impl BlockPictures {
     /// The numbers of the pairs that they show.
     pub fn sequences(&self) -> impl Iterator<Item = u64> {
-        let samples = self.samples.iter().flat_map(|(_, figure)| &figure.shots);
-        let scenes = self.scenes.iter().flat_map(|(_, scene)| &scene.shots);
         let checkpoints = self.checkpoints.iter().map(|shot| shot.sequence);
-        let checkpoints = checkpoints.chain(samples.map(|(_, shot)| shot.row.sequence));
-        checkpoints.chain(scenes.map(|shot| shot.row.sequence))
+        let frames = self.figures().flat_map(|figure| &figure.shots);
+        let frames = frames.map(|(_, shot)| shot.row.sequence);
+        let scenes = self.all_scenes().flat_map(|scene| &scene.shots);
+        let scenes = scenes.map(|shot| shot.row.sequence);
+        checkpoints.chain(frames).chain(scenes)
+    }
+
+    fn figures(&self) -> impl Iterator<Item = &CheckpointFigure> {
+        let worst = self.worst.iter().filter_map(|frame| match &frame.picture {
+            WorstPicture::Frame(figure) => Some(&**figure),
+            WorstPicture::Scene(_) => None,
+        });
+        self.samples.iter().map(|(_, figure)| figure).chain(worst)
+    }
+
+    fn all_scenes(&self) -> impl Iterator<Item = &SceneFigure> {
+        let worst = self.worst.iter().filter_map(|frame| match &frame.picture {
+            WorstPicture::Scene(scene) => Some(&**scene),
+            WorstPicture::Frame(_) => None,
+        });
+        self.scenes.iter().map(|(_, scene)| scene).chain(worst)
     }
 
     /// The left image of the row's pair, if they show it: the file, and the size of the image.
     ///
     /// # Errors
     /// [`Error::Invalid`] if a picture is not what svl writes.
-    pub fn left(self, row: &Row) -> Result<Option<StoredImage>> {
+    pub fn left(&self, row: &Row) -> Result<Option<StoredImage>> {
         let is_own = |own: &Row| own.pair_hash == row.pair_hash;
         for shot in self
             .checkpoints
@@ -47,15 +67,13 @@ impl BlockPictures {
                 return Ok(Some((shot.left, shot.size)));
             }
         }
-        let samples = self.samples.into_iter();
-        let samples = samples.flat_map(|(_, figure)| figure.shots);
-        let mut samples = samples.filter(|(_, shot)| is_own(&shot.row));
-        if let Some((_, shot)) = samples.next() {
-            return Ok(Some((shot.left, shot.size)));
+        let mut frames = self.figures().flat_map(|figure| &figure.shots);
+        if let Some((_, shot)) = frames.find(|(_, shot)| is_own(&shot.row)) {
+            return Ok(Some((shot.left.clone(), shot.size)));
         }
-        let shows = |scene: &SceneFigure| scene.shots.iter().any(|shot| is_own(&shot.row));
-        let mut scenes = self.scenes.into_iter().filter(|(_, scene)| shows(scene));
-        Ok(scenes.next().map(|(_, scene)| (scene.left, scene.size)))
+        let shows = |scene: &&SceneFigure| scene.shots.iter().any(|shot| is_own(&shot.row));
+        let scene = self.all_scenes().find(shows);
+        Ok(scene.map(|scene| (scene.left.clone(), scene.size)))
     }
 }
 

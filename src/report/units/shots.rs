@@ -5,6 +5,7 @@ use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::store::Units;
 use super::unit::StoredUnit;
+use super::worst::{WorstFrame, WorstFrames, WorstPicture};
 use crate::pages::html::figures::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use crate::results::summary::ReportTables;
 use crate::rows::records::Row;
@@ -142,6 +143,8 @@ struct ChosenPictures {
     shots: BTreeMap<(u32, String), Vec<(ShotPlace, CheckpointShot)>>,
     samples: BTreeMap<ShotPlace, CheckpointFigure>,
     scenes: BTreeMap<ShotPlace, SceneFigure>,
+    /// The worst frames by algorithm.
+    worst: BTreeMap<String, WorstFrames<WorstPicture>>,
 }
 
 impl ChosenPictures {
@@ -166,6 +169,12 @@ impl ChosenPictures {
                 let key = (shot.checkpoint, shot.algorithm.clone());
                 let shots = self.shots.entry(key).or_default();
                 shots.push(((run, place), shot));
+            }
+        }
+        for frame in pictures.worst {
+            let own = self.worst.entry(unit.label.clone()).or_default();
+            if own.takes(&frame.badness) {
+                own.add(WorstFrame { run, ..frame });
             }
         }
         for (place, figure) in pictures.samples {
@@ -208,6 +217,17 @@ impl ChosenPictures {
         let mut figures = figures.collect::<Result<Vec<_>>>()?;
         let is_pictured = |row: &Row| pictured.contains(&row.algorithm.as_str());
         let mut samples = spread(self.samples, runs, MAX_SAMPLES);
+        let mut scenes = spread(self.scenes, runs, MAX_SCENES);
+        for (_, worst) in std::mem::take(&mut self.worst) {
+            for (rank, frame) in (1..).zip(worst.finish()) {
+                let place = (frame.run, frame.place);
+                match frame.picture {
+                    WorstPicture::Frame(figure) => add_worst(&mut samples, place, *figure, rank),
+                    WorstPicture::Scene(scene) => add_scene(&mut scenes, place, *scene),
+                }
+            }
+        }
+        let mut samples: Vec<_> = samples.into_values().collect();
         for sample in &mut samples {
             sample.shots.retain(|(_, shot)| is_pictured(&shot.row));
             sample
@@ -216,7 +236,7 @@ impl ChosenPictures {
         }
         samples.retain(|sample| !sample.shots.is_empty());
         figures.extend(samples);
-        let mut scenes = spread(self.scenes, runs, MAX_SCENES);
+        let mut scenes: Vec<_> = scenes.into_values().collect();
         for scene in &mut scenes {
             scene.shots.retain(|shot| is_pictured(&shot.row));
             scene.shots.sort_by_key(|shot| order(&shot.row.algorithm));
@@ -226,13 +246,54 @@ impl ChosenPictures {
     }
 }
 
+/// Adds one of the worst frames of an algorithm, in the place of its sample of the same pair.
+fn add_worst(
+    samples: &mut BTreeMap<ShotPlace, CheckpointFigure>,
+    place: ShotPlace,
+    mut figure: CheckpointFigure,
+    rank: usize,
+) {
+    for (own, _) in &mut figure.shots {
+        *own = Rank::Failed(rank);
+    }
+    match samples.get_mut(&place) {
+        Some(sample) => {
+            let is_new = |label: &str| {
+                figure
+                    .shots
+                    .iter()
+                    .all(|(_, own)| own.row.algorithm != label)
+            };
+            sample.shots.retain(|(_, shot)| is_new(&shot.row.algorithm));
+            sample.shots.append(&mut figure.shots);
+        }
+        None => drop(samples.insert(place, figure)),
+    }
+}
+
+/// Adds one of the worst scenes of an algorithm, if it is not shown.
+fn add_scene(
+    scenes: &mut BTreeMap<ShotPlace, SceneFigure>,
+    place: ShotPlace,
+    mut worst: SceneFigure,
+) {
+    match scenes.get_mut(&place) {
+        Some(scene) => {
+            let is_shown = |label: &str| scene.shots.iter().any(|own| own.row.algorithm == label);
+            worst.shots.retain(|own| !is_shown(&own.row.algorithm));
+            scene.shots.append(&mut worst.shots);
+        }
+        None => drop(scenes.insert(place, worst)),
+    }
+}
+
 /// Pictures that are spread evenly over each run, and, if these are too many, over all runs.
-fn spread<T>(all: BTreeMap<ShotPlace, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
+fn spread<T>(all: BTreeMap<ShotPlace, T>, runs: &[RunUnits], limit: u64) -> BTreeMap<ShotPlace, T> {
     // A run that was interrupted has as many pairs as are known.
     let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
     let on_stride = |(run, place): &ShotPlace| place.is_multiple_of(stride(pairs(*run), limit));
     let kept = all.into_iter().filter(|(key, _)| on_stride(key));
-    let kept: Vec<_> = kept.map(|(_, picture)| picture).collect();
+    let kept: Vec<_> = kept.collect();
     let step = stride(kept.len() as u64, limit) as usize;
     kept.into_iter().step_by(step).collect()
 }

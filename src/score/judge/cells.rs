@@ -51,6 +51,23 @@ pub struct CellJudgement {
     pub points: Option<usize>,
 }
 
+impl CellJudgement {
+    /// The error of the report that was scored, in tolerances of the rule; absent where report or
+    /// truth is unknown or at infinity.
+    pub fn error_in_tolerances(&self, reported: &Cell, rule: CellRule) -> Option<f64> {
+        let report = reported.depth.as_ref()?;
+        match rule {
+            CellRule::Distance { .. } => {
+                let true_m = self.true_m?;
+                Some((report.distance_m? - true_m).abs() / rule.tolerance_at_m(true_m))
+            }
+            CellRule::Disparity { tolerance_px } => {
+                Some((f64::from(report.median_px) - self.true_px?).abs() / tolerance_px)
+            }
+        }
+    }
+}
+
 /// The score of a cell by its nearest quarter that is not floor: what a robot would hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NearJudgement {

@@ -35,6 +35,7 @@ fn page(summary: Results) -> ReportPage {
         sweeps: Vec::new(),
         figures: Vec::new(),
         scenes: Vec::new(),
+        timeline: Default::default(),
         cases: None,
         maps: Vec::new(),
     }

@@ -1,6 +1,7 @@
 //! The figures of a report's page: frames, scenes, checkpoints, sweeps.
 
 use super::stored;
+use super::timeline::Timeline;
 use crate::results::gate::GateState;
 use crate::results::summary::Results;
 use crate::rows::records::{CellRow, Row};
@@ -27,6 +28,8 @@ pub struct ReportPage {
     pub figures: Vec<CheckpointFigure>,
     /// Scenes, if the frames are those of a data set.
     pub scenes: Vec<SceneFigure>,
+    /// The results over time.
+    pub timeline: Timeline,
     /// The results per scene or course.
     pub cases: Option<Table>,
     /// Courses that algorithms drove through.
@@ -129,4 +132,6 @@ pub enum Rank {
     Best,
     /// One of the frames spread over a recording.
     Sample,
+    /// One of the worst frames of its algorithm, from 1, the worst, on.
+    Failed(usize),
 }

@@ -1,6 +1,7 @@
 //! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
 
-use super::figures::{CheckpointFigure, FrameShot};
+use super::figures::{CheckpointFigure, FrameShot, Rank};
+use super::timeline::run_name;
 use crate::rows::records::{CellRow, Row};
 use crate::show::page::parts::{MarkView, PageImages};
 use crate::show::words::ms;
@@ -25,9 +26,30 @@ pub(crate) fn figure_view<'a>(
     };
     let mut shots: Vec<_> = figure.shots.iter().collect();
     shots.sort_by_key(|(_, shot)| place(&shot.row.algorithm));
+    let first = shots.first().map(|(_, shot)| &shot.row);
+    let is_same = |row: &Row| first.is_some_and(|first| first.pair_hash == row.pair_hash);
+    // The truth of a pair stands once.
+    let is_one_pair = !is_film && shots.iter().all(|(_, shot)| is_same(&shot.row));
+    let frame = first.filter(|_| is_one_pair);
+    let frame = frame.map(|row| format!("{}/{}", run_name(row), row.sequence));
+    let truth = shots.first().filter(|_| is_one_pair);
+    let truth = truth.map(|(_, shot)| true_pictures(shot, images));
     let shots = shots.into_iter().map(|(rank, shot)| {
-        let view = shot_view(shot, &[], images);
-        context! { rank, moment => moment(&shot.row), ..view }
+        let mut view = shot_pictures(shot, &[], images);
+        if !is_one_pair {
+            view.extend(true_pictures(shot, images));
+        }
+        let (rank, place) = match rank {
+            Rank::Failed(place) => ("sample", Some(place)),
+            Rank::Worst => ("worst", None),
+            Rank::Best => ("best", None),
+            Rank::Sample => ("sample", None),
+        };
+        let is_wrong = ["missed", "wrong"].map(|name| shot.row.metrics.get(name).unwrap_or(0.0));
+        let is_wrong = is_wrong != [0.0; 2] || shot.passed == Some(false);
+        let words = shot_words(shot);
+        let pictures = view;
+        context! { rank, place, is_wrong, moment => moment(&shot.row), pictures, ..words }
     });
     let shots: Vec<_> = shots.collect();
     let CheckpointFigure {
@@ -36,7 +58,7 @@ pub(crate) fn figure_view<'a>(
         about,
         ..
     } = figure;
-    context! { checkpoint, title, about, is_film, shots }
+    context! { checkpoint, title, about, is_film, frame, truth => truth.unwrap_or_default(), shots }
 }
 
 /// A frame for the template; without its cells it is not shown. `changed`: the columns and rows of
@@ -46,34 +68,61 @@ pub(crate) fn shot_view<'a>(
     changed: &[(u32, u32)],
     images: &mut PageImages<'a>,
 ) -> Value {
-    let marks = |marks: &[Mark], words: fn(&CellRow) -> String, is_judged| {
-        let marks = marks.iter();
-        let marks = marks.map(|mark| mark_view(shot, mark, words, is_judged, changed));
-        marks.collect::<Vec<_>>()
-    };
-    let estimate = marks(&shot.estimate, cell_words, true);
-    let truth = shot.truth.as_ref();
-    let truth = truth.map(|truth| marks(truth, truth_words, false));
+    let mut pictures = shot_pictures(shot, changed, images);
+    pictures.extend(true_pictures(shot, images));
+    context! { pictures, ..shot_words(shot) }
+}
+
+/// Estimate, disparities and errors of an algorithm.
+fn shot_pictures<'a>(
+    shot: &'a FrameShot,
+    changed: &[(u32, u32)],
+    images: &mut PageImages<'a>,
+) -> Vec<Value> {
+    let marks = shot.estimate.iter();
+    let marks = marks.map(|mark| mark_view(shot, mark, cell_words, true, changed));
     let pictures = [
-        ("estimate", Some(&shot.left), estimate),
-        (
-            "truth",
-            truth.as_ref().map(|_| &shot.left),
-            truth.unwrap_or_default(),
-        ),
+        ("estimate", Some(&shot.left), marks.collect()),
         ("disparity", shot.preview.as_ref(), Vec::new()),
-        ("true disparity", shot.true_preview.as_ref(), Vec::new()),
         ("error", shot.errors.as_ref(), Vec::new()),
     ];
+    drawn(shot, pictures, images)
+}
+
+/// The truth of the pair.
+fn true_pictures<'a>(shot: &'a FrameShot, images: &mut PageImages<'a>) -> Vec<Value> {
+    let marks = shot.truth.as_ref().map(|truth| {
+        let marks = truth.iter();
+        let marks = marks.map(|mark| mark_view(shot, mark, truth_words, false, &[]));
+        marks.collect()
+    });
+    let left = marks.as_ref().map(|_: &Vec<_>| &shot.left);
+    let pictures = [
+        ("truth", left, marks.unwrap_or_default()),
+        ("true disparity", shot.true_preview.as_ref(), Vec::new()),
+    ];
+    drawn(shot, pictures, images)
+}
+
+fn drawn<'a, const N: usize>(
+    shot: &'a FrameShot,
+    pictures: [(&str, Option<&'a Vec<u8>>, Vec<MarkView>); N],
+    images: &mut PageImages<'a>,
+) -> Vec<Value> {
     let pictures = pictures.into_iter().filter(|_| !shot.cells.is_empty());
     let pictures = pictures
         .filter_map(|(label, file, marks)| Some(images.picture(label, file?, shot.size, marks)));
+    pictures.collect()
+}
+
+/// What stands below the pictures.
+fn shot_words(shot: &FrameShot) -> Value {
     let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     context! {
         algorithm => shot.row.algorithm, passed => shot.passed, origin => shot.row.origin_words(),
         cells => cells(&shot.row), failures => shot.failures, wrong => wrong_cells(shot),
         missing => missing.map(|finding| &finding.words).collect::<Vec<_>>(),
-        numbers => numbers(&shot.row), pictures => pictures.collect::<Vec<_>>(),
+        numbers => numbers(&shot.row),
     }
 }
 

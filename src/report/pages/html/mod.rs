@@ -8,6 +8,7 @@ pub(crate) mod report_page;
 pub(crate) mod scenes;
 pub(crate) mod shades;
 pub(crate) mod stored;
+pub(crate) mod timeline;
 pub(crate) mod view;
 
 pub use figures::{

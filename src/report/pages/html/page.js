@@ -1,4 +1,4 @@
-// Chooses frames, sorts the headline table, shows all of its rows: without it all are there.
+// Chooses frames, enlarges their pictures, sorts the headline table: without it all are there.
 const all = (selector, from = document) => [...from.querySelectorAll(selector)];
 const root = document.documentElement;
 const chooser = document.querySelector(".chooser");
@@ -10,8 +10,21 @@ const state = {
 };
 root.classList.add("js");
 
+const figures = all(".figure");
+const slider = document.getElementById("slider");
+const wrongOnly = document.getElementById("wrong-only");
+
+// The figures that the filter leaves.
+function shown() {
+  if (wrongOnly?.getAttribute("aria-pressed") !== "true") return figures;
+  const isOf = (shot) => labels.length === 0 || state.algorithms.has(shot.dataset.algorithm);
+  return figures.filter((figure) => all(".shot[data-wrong]", figure).some(isOf));
+}
+
 function show() {
-  for (const figure of all(".figure")) figure.classList.toggle("on", figure.id === state.figure);
+  const list = shown();
+  if (list.length > 0 && !list.some((figure) => figure.id === state.figure)) state.figure = list[0].id;
+  for (const figure of figures) figure.classList.toggle("on", figure.id === state.figure);
   for (const shot of all(".shot")) {
     const { algorithm, rank } = shot.dataset;
     const isOf = labels.length === 0 || state.algorithms.has(algorithm);
@@ -24,6 +37,56 @@ function show() {
   press("choose", (id) => id === state.figure);
   press("toggle", (label) => state.algorithms.has(label));
   press("rank", (rank) => rank === state.rank);
+  for (const button of all("[data-choose]", chooser))
+    button.hidden = !list.some((figure) => figure.id === button.dataset.choose);
+  if (!slider) return;
+  const place = list.findIndex((figure) => figure.id === state.figure);
+  slider.max = Math.max(list.length - 1, 0);
+  slider.value = place;
+  slider.nextElementSibling.nextElementSibling.textContent = list.length ? `${place + 1} of ${list.length}` : "none";
+}
+
+// The fragment of a figure: of a frame its run and number, and the algorithm if only one is shown.
+function address() {
+  const frame = document.getElementById(state.figure)?.dataset.frame;
+  const chosen = [...state.algorithms];
+  const parts = frame && chosen.length === 1 ? [frame, chosen[0]] : [frame ?? state.figure];
+  return "#" + parts.map(encodeURI).join("/");
+}
+
+function choose(id) {
+  state.figure = id;
+  show();
+  history.replaceState(null, "", address());
+}
+
+function step(by) {
+  const list = shown();
+  const place = list.findIndex((figure) => figure.id === state.figure);
+  const next = list[Math.min(Math.max(place + by, 0), list.length - 1)];
+  if (next) choose(next.id);
+}
+
+// Shows the truth in the place of each estimate, or the estimates again.
+function blink(isOn) {
+  for (const own of all(".blink")) own.remove();
+  if (!isOn) return;
+  const figure = document.getElementById(state.figure) ?? document;
+  for (const place of all('.shot:not(.off) [data-kind="estimate"]', figure)) {
+    const from = place.closest(".shot").querySelector('[data-kind="truth"] svg');
+    const truth = (from ?? figure.querySelector('.truth [data-kind="truth"] svg'))?.cloneNode(true);
+    truth?.classList.add("blink");
+    if (truth) place.append(truth);
+  }
+}
+
+function enlarge(svg) {
+  const dialog = document.createElement("dialog");
+  dialog.append(svg.cloneNode(true));
+  dialog.addEventListener("close", () => dialog.remove());
+  dialog.addEventListener("click", () => dialog.close());
+  document.body.append(dialog);
+  dialog.showModal();
 }
 
 // The sum of the numbers of a cell: a single one, or those of its squares.
@@ -52,8 +115,13 @@ function sort(head) {
 }
 
 // Opens what a fragment names: the frame of a square, a figure or a folded part.
-function go(fragment) {
-  const target = document.getElementById(fragment.slice(1));
+function go(fragment, algorithm) {
+  const name = decodeURI(fragment.slice(1));
+  const isFrame = ({ dataset: { frame } }) => frame && (name === frame || name.startsWith(`${frame}/`));
+  const frame = figures.find(isFrame);
+  const target = frame ?? document.getElementById(name);
+  const own = algorithm ?? (frame && name.slice(frame.dataset.frame.length + 1));
+  if (labels.includes(own)) state.algorithms = new Set([own]);
   const square = all("a.cp").find((a) => a.hash === fragment);
   if (square) {
     const { figure, algorithm } = square.dataset;
@@ -61,17 +129,21 @@ function go(fragment) {
   } else if (target?.matches(".figure")) state.figure = target.id;
   target?.closest("details")?.setAttribute("open", "");
   if (chooser) show();
-  (square ? document.getElementById("frames") : target)?.scrollIntoView();
+  (square || target?.matches(".figure") ? document.getElementById("frames") : target)?.scrollIntoView();
 }
 
 document.addEventListener("click", (event) => {
+  const svg = event.target.closest(".pictures svg");
+  if (svg) return enlarge(svg);
   const button = event.target.closest("button, a");
   if (!button) return;
-  const { choose, toggle, rank, figure } = button.dataset;
-  if (choose) {
-    state.figure = choose;
-    history.replaceState(null, "", `#${choose}`);
-  } else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
+  const { choose: id, toggle, rank, figure, algorithm, step: by } = button.dataset;
+  if (id) choose(id);
+  else if (by) step(Number(by));
+  else if (button.id === "wrong-only")
+    button.setAttribute("aria-pressed", button.getAttribute("aria-pressed") !== "true");
+  else if (button.matches(".copy")) navigator.clipboard?.writeText(button.previousElementSibling.textContent);
+  else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
   else if (rank) state.rank = rank;
   else if (figure) {
     history.replaceState(null, "", button.hash);
@@ -81,8 +153,23 @@ document.addEventListener("click", (event) => {
     document.getElementById("headline").classList.remove("long");
     button.parentNode.remove();
   } else if (button.closest("#headline thead")) sort(button.closest("th"));
-  else if (button.hash) go(button.hash);
+  else if (button.hash) {
+    go(button.hash, algorithm);
+    event.preventDefault();
+    history.replaceState(null, "", button.hash);
+  }
   if (chooser) show();
 });
+slider?.addEventListener("input", () => {
+  const figure = shown()[slider.value];
+  if (figure) choose(figure.id);
+});
+document.addEventListener("keydown", (event) => {
+  if (event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === "t" && !event.repeat) blink(true);
+  const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  if (chooser && by && !document.querySelector("dialog")) step(by);
+});
+document.addEventListener("keyup", (event) => event.key === "t" && blink(false));
 window.addEventListener("hashchange", () => go(location.hash));
 go(location.hash);

@@ -60,7 +60,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
         reliability => reliability(page, &colors),
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
-        drives => summary.drive_table(), cases => page.cases,
+        drives => summary.drive_table(), cases => page.cases, timeline => page.timeline, worst => worst(page),
         stress_tables => summary.stress_tables(), trade_offs => trade_offs(page, &colors),
         speed_plots => speed(page, &colors), stress => stress(page, &colors),
         failed_maps => maps(page, &colors, Some(true)),
@@ -104,7 +104,11 @@ fn entries(page: &ReportPage, scenes: &[&SceneFigure]) -> Vec<(String, String)> 
 /// The words of the figures' buttons: the time in the recording, as `0.8 s`, with the recording
 /// where there are several, else the title. Times have as many decimals as tell them apart.
 fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
-    let run = |figure: &CheckpointFigure| figure.shots.first()?.1.row.run.clone();
+    let run = |figure: &CheckpointFigure| {
+        let row = &figure.shots.first()?.1.row;
+        let seed = || row.seed.map(|seed| format!("seed {seed},"));
+        row.run.clone().or_else(seed)
+    };
     let runs: BTreeSet<_> = figures.iter().map(run).collect();
     let chip = |figure: &CheckpointFigure, digits: usize| match (figure.at_s, run(figure)) {
         (None, _) => figure.title.clone(),
@@ -114,6 +118,35 @@ fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
     let all = |digits| figures.iter().map(|figure| chip(figure, digits)).collect();
     let is_clear = |chips: &Vec<String>| chips.iter().collect::<BTreeSet<_>>().len() == chips.len();
     (1..3).map(all).find(is_clear).unwrap_or_else(|| all(3))
+}
+
+/// Per algorithm the figures of its worst frames, the worst first, and their words.
+fn worst(page: &ReportPage) -> BTreeMap<&str, Vec<(usize, String)>> {
+    let chips = chips(&page.figures);
+    let mut worst: BTreeMap<&str, Vec<(usize, usize, String)>> = BTreeMap::new();
+    for (i, figure) in page.figures.iter().enumerate() {
+        for (rank, shot) in &figure.shots {
+            if let Rank::Failed(rank) = rank {
+                let count = |name| shot.row.metrics.get(name).filter(|cells| *cells > 0.0);
+                let words = ["missed", "wrong"]
+                    .into_iter()
+                    .filter_map(|name| Some(format!("{} {name}", count(name)?)));
+                let words: Vec<_> = words.collect();
+                let words = match words.is_empty() {
+                    true => "nothing wrong".to_owned(),
+                    false => words.join(", "),
+                };
+                let own = worst.entry(&shot.row.algorithm).or_default();
+                own.push((*rank, i, format!("{}: {words}", chips[i])));
+            }
+        }
+    }
+    let sorted = worst.into_iter().map(|(label, mut own)| {
+        own.sort();
+        let own = own.into_iter().map(|(_, figure, words)| (figure, words));
+        (label, own.collect())
+    });
+    sorted.collect()
 }
 
 /// True for a figure of several algorithms.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use svl_core::{Error, Result, counted, listed};
 use svl_files::IMAGE_ENDINGS;
 use svl_files::SideBySide;
+use svl_report::units::REPORT_LIST;
 
 /// The pairs of a folder in natural order.
 pub(crate) struct FoundPairs {
@@ -61,6 +62,13 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
     }
     if is_of_one_camera(folder) {
         let cure = "has the images of one camera: name the folder above, which has both";
+        return Err(Error::format(folder, cure));
+    }
+    if folder.join(REPORT_LIST).is_file() {
+        let shown = folder.display();
+        let cure = format!(
+            "is a report: `svl report {shown}` builds it again, `svl view {shown}` shows it"
+        );
         return Err(Error::format(folder, cure));
     }
     let cure = "--left and --right name other patterns, --side-by-side reads images of both";
