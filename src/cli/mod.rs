@@ -169,7 +169,29 @@ mod tests {
         for (synonym, commands) in usage::SYNONYMS {
             assert!(program.find_subcommand(synonym).is_none(), "{synonym}");
             for name in *commands {
+                let name = name.split(' ').next().unwrap_or_default();
                 assert!(program.find_subcommand(name).is_some(), "{synonym}: {name}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_cure_for_an_option_names_existing_ones() {
+        let program = Cli::command();
+        let commands = || program.get_subcommands();
+        let options: Vec<_> = commands()
+            .flat_map(|command| command.get_arguments())
+            .filter_map(|own| own.get_long().map(|name| format!("--{name}")))
+            .collect();
+        for (synonym, cure) in usage::OPTION_SYNONYMS {
+            let named = cure
+                .split([' ', ',', ';'])
+                .filter(|word| word.starts_with("--"));
+            for option in named {
+                assert!(
+                    options.iter().any(|own| own == option),
+                    "{synonym}: {option}"
+                );
             }
         }
     }

@@ -55,6 +55,7 @@ use svl_bench::sink::{
 use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use svl_core::timing::Stage;
+use svl_files::overlay::{algorithm_colors, plot_color};
 use svl_score::judge::{Checkpoint, Judged, METRICS, Metric};
 use target::Destination;
 
@@ -214,14 +215,19 @@ impl RerunSink {
         ] {
             sink.log_static(path, &world::on_image())?;
         }
-        for (place, algorithm) in sink.algorithms.iter().enumerate() {
-            sink.style(algorithm, place)?;
+        let labels: Vec<_> = sink
+            .algorithms
+            .iter()
+            .map(|own| own.label.as_str())
+            .collect();
+        for (algorithm, color) in sink.algorithms.iter().zip(algorithm_colors(&labels)) {
+            sink.style(algorithm, color)?;
         }
         Ok(sink)
     }
 
     /// Frames of reference, names and colours of an algorithm's entities.
-    fn style(&self, algorithm: &AlgorithmPath, place: usize) -> Result<()> {
+    fn style(&self, algorithm: &AlgorithmPath, rgb: [u8; 3]) -> Result<()> {
         let overlays = [
             "overlay",
             "overlay/percentiles",
@@ -234,15 +240,12 @@ impl RerunSink {
         for (k, stage) in Stage::ALL.into_iter().enumerate() {
             self.log_static(
                 &algorithm.path(&format!("latency/{}", stage.name())),
-                &line(stage.name(), color(k + 1)),
+                &line(stage.name(), color(plot_color(k + 1))),
             )?;
         }
         let plots = METRICS.iter().filter_map(|metric| metric.plot);
         for number in plots.chain(["latency/total"]) {
-            self.log_static(
-                &algorithm.path(number),
-                &line(&algorithm.label, color(place)),
-            )?;
+            self.log_static(&algorithm.path(number), &line(&algorithm.label, color(rgb)))?;
         }
         Ok(())
     }
@@ -325,9 +328,7 @@ impl RerunSink {
     }
 }
 
-/// The colour of the algorithm at that position in the run.
-fn color(place: usize) -> Rgba32 {
-    let [r, g, b] = svl_files::overlay::algorithm_color(place);
+fn color([r, g, b]: [u8; 3]) -> Rgba32 {
     Rgba32::from_rgb(r, g, b)
 }
 

@@ -46,7 +46,7 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
 ];
 
 /// Options in other programs, or of another command, and what does the same here.
-const OPTION_SYNONYMS: &[(&str, &str)] = &[
+pub(crate) const OPTION_SYNONYMS: &[(&str, &str)] = &[
     ("--algorithm", "--algo"),
     ("--ci", "--gate, --junit FILE.xml"),
     (

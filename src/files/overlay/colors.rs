@@ -1,8 +1,10 @@
-//! The colours of a run's algorithms: the same on every plot of a page and, but for sweeps, in
+//! The colours of a run's algorithms: the same on every plot of every page and, but for sweeps, in
 //! Rerun.
 
+use std::collections::BTreeSet;
+
 /// Algorithms after which the colours repeat.
-pub const COLOR_COUNT: usize = 8;
+pub const COLOR_COUNT: usize = 7;
 
 /// Colours that remain apart for the colour-blind (after Okabe and Ito, "Color Universal Design",
 /// 2008), with a contrast of 3 on white paper and on a dark ground.
@@ -13,14 +15,42 @@ const COLORS: [[u8; 3]; COLOR_COUNT] = [
     [0xcc, 0x79, 0xa7],
     [0xc2, 0x8a, 0x00],
     [0x8a, 0x6f, 0xd8],
-    [0x80, 0x80, 0x80],
     [0x3d, 0x9b, 0xd4],
 ];
 
-/// Colour of the algorithm at that position of its run, in the order of the manifest; colours
-/// repeat after [`COLOR_COUNT`].
-pub fn algorithm_color(place: usize) -> [u8; 3] {
+/// Colour of the references that look at no image.
+pub const REFERENCE_COLOR: [u8; 3] = [0x80; 3];
+
+/// The algorithms whose first setting always has the colour at its place here.
+const FIXED: [&str; COLOR_COUNT] = ["v5", "sgm", "bm", "v3", "v1", "v2", "dp"];
+
+/// Colour at that place; colours repeat after [`COLOR_COUNT`].
+pub fn plot_color(place: usize) -> [u8; 3] {
     COLORS[place % COLORS.len()]
+}
+
+/// The kind of an algorithm, by its label.
+pub fn kind_of_label(label: &str) -> &str {
+    label.split(':').next().unwrap_or_default()
+}
+
+/// Colours of the algorithms with these labels, which do not depend on their order for those of
+/// svl: others, and further settings, have the colours that are left.
+pub fn algorithm_colors(labels: &[&str]) -> Vec<[u8; 3]> {
+    let mut taken = BTreeSet::new();
+    let fixed = |label: &&str| FIXED.iter().position(|name| *name == kind_of_label(label));
+    let mut places: Vec<_> = labels
+        .iter()
+        .map(|label| fixed(label).filter(|place| taken.insert(*place)))
+        .collect();
+    let mut left = (0..COLOR_COUNT)
+        .filter(|place| !taken.contains(place))
+        .chain(0..);
+    for place in places.iter_mut().filter(|place| place.is_none()) {
+        *place = left.next();
+    }
+    let color = |place: &Option<usize>| plot_color(place.unwrap_or_default());
+    places.iter().map(color).collect()
 }
 
 /// Colours of the values of a parameter, from the least to the greatest.
@@ -56,12 +86,28 @@ mod tests {
     fn colours_are_seen_on_light_and_on_dark_grounds() {
         let contrast = |a: f64, b: f64| (a.max(b) + 0.05) / (a.min(b) + 0.05);
         let shades = (0..=30).map(|i| parameter_color(f64::from(i) / 30.0));
-        for color in COLORS.into_iter().chain(shades).map(luminance) {
+        let references = std::iter::once(REFERENCE_COLOR);
+        for color in COLORS
+            .into_iter()
+            .chain(references)
+            .chain(shades)
+            .map(luminance)
+        {
             for ground in [[0xff; 3], [0x14, 0x17, 0x1b]].map(luminance) {
                 assert!(contrast(color, ground) >= 3.0);
             }
         }
-        assert_eq!(algorithm_color(9), COLORS[1]);
+        assert_eq!(plot_color(8), COLORS[1]);
         assert_eq!([0.0, 1.0].map(parameter_color), [COLORS[0], COLORS[1]]);
+    }
+
+    #[test]
+    fn an_algorithm_has_one_colour_in_every_order() {
+        assert_eq!(algorithm_colors(&["bm", "v5"]), [COLORS[2], COLORS[0]]);
+        let settings = algorithm_colors(&["mine", "sgm", "sgm:p1=3", "v5"]);
+        assert_eq!(settings, [COLORS[2], COLORS[1], COLORS[3], COLORS[0]]);
+        let many: Vec<_> = (0..20).map(|i| format!("a{i}")).collect();
+        let many: Vec<_> = many.iter().map(String::as_str).collect();
+        assert_eq!(algorithm_colors(&many).len(), 20);
     }
 }

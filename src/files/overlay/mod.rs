@@ -17,7 +17,9 @@ pub use codes::{
     CODES_PER_LN, CODES_PER_PX, depth_codes, disparity_codes, lowest_disparity, no_depth_classes,
     reason_classes, sparse_disparities, ssdpi_codes,
 };
-pub use colors::{COLOR_COUNT, algorithm_color, parameter_color};
+pub use colors::{
+    COLOR_COUNT, REFERENCE_COLOR, algorithm_colors, kind_of_label, parameter_color, plot_color,
+};
 pub use corners::corners_drawn;
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use picture::Picture;

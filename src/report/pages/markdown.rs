@@ -24,6 +24,7 @@ impl Results {
         };
         section("All metrics", &self.all_metrics());
         let single = [
+            self.recording_table(),
             self.checkpoint_table(),
             self.drive_table(),
             self.accuracy_table(),

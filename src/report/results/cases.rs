@@ -7,6 +7,7 @@ use crate::rows::samples::{grouped, is_scene, total};
 use crate::show::table::model::Table;
 use crate::show::words::{NONE, number};
 use crate::subjects::drives::DriveRow;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_core::counted;
 use svl_score::judge::{Metric, TruthLevel};
@@ -20,31 +21,106 @@ struct Case {
     outcomes: BTreeMap<String, (Option<f64>, String)>,
 }
 
+/// The results of an algorithm on a recording of several.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecordingSummary {
+    pub run: String,
+    pub algorithm: String,
+    pub pairs: u64,
+    /// Metrics by their names: of the answer, and near obstacles.
+    #[serde(flatten)]
+    pub metrics: BTreeMap<&'static str, f64>,
+}
+
+/// The results per recording, if there are several.
+pub(super) fn recordings(kind: TruthLevel, rows: &[Row]) -> Vec<RecordingSummary> {
+    let own = rows.iter();
+    let own = own.filter(|row| row.stress.is_none() && row.run.is_some());
+    let own: Vec<&Row> = own.collect();
+    let near = ["missed", "false"].into_iter().filter_map(Metric::find);
+    let metrics: Vec<_> = answer_metrics(kind).into_iter().chain(near).collect();
+    let summary = |own: &[&Row]| RecordingSummary {
+        run: own[0].run.clone().unwrap_or_default(),
+        algorithm: own[0].algorithm.clone(),
+        pairs: own.len() as u64,
+        metrics: (metrics.iter())
+            .filter_map(|metric| Some((metric.name, total(metric, own)?)))
+            .collect(),
+    };
+    let all = grouped(
+        &own,
+        |row| (row.run.clone(), row.algorithm.clone()),
+        summary,
+    );
+    match all.windows(2).all(|two| two[0].run == two[1].run) {
+        true => Vec::new(),
+        false => all,
+    }
+}
+
 impl Results {
+    /// The metric of the answer per recording, the worst of the first candidate of the ranking
+    /// first; none for a single one.
+    pub fn recording_table(&self) -> Option<Table> {
+        let metric = *answer_metrics(self.kind()).first()?;
+        let outcome = |own: &RecordingSummary| {
+            let value = own.metrics.get(metric.name).copied();
+            let words = value.map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value));
+            (own.algorithm.clone(), (value, words))
+        };
+        let case = |own: &[&RecordingSummary]| Case {
+            name: own[0].run.clone(),
+            outcomes: own.iter().map(|own| outcome(own)).collect(),
+        };
+        let all: Vec<_> = self.recordings.iter().collect();
+        let cases = grouped(&all, |own| &own.run, case);
+        self.table_of(metric, ("Recordings", "recording"), cases)
+    }
+
     /// The metric of the answer per scene, or the outcome of each drive; first the case in which
     /// the first candidate of the ranking is worst. `rows` and `drives`: those that the summary is
     /// of. None for other runs and for a single case.
     pub fn case_table(&self, rows: &[Row], drives: &[DriveRow]) -> Option<Table> {
         let is_driven = self.kind() == TruthLevel::Courses;
-        let (metric, mut cases) = if is_driven {
+        let (metric, cases) = if is_driven {
             (Metric::find("collisions")?, courses(drives))
         } else {
             let metric = *answer_metrics(self.kind()).first()?;
             (metric, scenes(metric, rows))
         };
+        let heads = match is_driven {
+            true => ("Drives", "course"),
+            false => ("Scenes", "scene"),
+        };
+        let table = self.table_of(metric, heads, cases)?;
+        let meanings: &[&str] = &[
+            "✓: the goal was reached without a collision and without help",
+            "stuck: the robot got stuck and was set back on the route",
+            "late: the goal was not reached in time",
+        ];
+        Some(table.with_notes(if is_driven { meanings } else { &[] }))
+    }
+
+    /// A row per case, the worst of the first candidate first; none for a single case. `heads`: the
+    /// word for the cases, and for one.
+    fn table_of(
+        &self,
+        metric: &Metric,
+        heads: (&str, &str),
+        mut cases: Vec<Case>,
+    ) -> Option<Table> {
         let ranked = self.ranked_algorithms();
         let fit = ranked.iter().find(|a| self.may_be_best(a));
         let best = &fit.or(ranked.first())?.algorithm;
         let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, value(b), value(a)));
-        let (title, head) = if is_driven {
-            ("Outcome of each drive".to_owned(), "course")
-        } else {
-            (format!("Scenes: {}, %", metric.words), "scene")
+        let title = match heads.0 {
+            "Drives" => "Outcome of each drive".to_owned(),
+            word => format!("{word}: {}, %", metric.words),
         };
         let labels = || ranked.iter().map(|a| a.algorithm.as_str());
-        let mut table = Table::new(title, head).with_columns(labels());
+        let mut table = Table::new(title, heads.1).with_columns(labels());
         for case in cases.iter().take(MAX_CASES) {
             let words = |label| case.outcomes.get(label).map_or(NONE, |(_, words)| words);
             table.push(&case.name, labels().map(words).map(str::to_owned));
@@ -53,12 +129,6 @@ impl Results {
         let more = (more > 0).then(|| format!("; {more} more are in the report's tables"));
         let more = more.unwrap_or_default();
         table.note("order", format!("by {best}, the worst first{more}"));
-        let meanings: &[&str] = &[
-            "✓: the goal was reached without a collision and without help",
-            "stuck: the robot got stuck and was set back on the route",
-            "late: the goal was not reached in time",
-        ];
-        let table = table.with_notes(if is_driven { meanings } else { &[] });
         (cases.len() > 1).then_some(table)
     }
 }

@@ -1,6 +1,7 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::best::{Best, SweepChoice, Unfit, by_algorithm};
+use super::cases::{RecordingSummary, recordings};
 use super::common::{RankedPairs, only};
 use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, Row, record};
 use crate::rows::samples::{grouped, run_key};
@@ -39,6 +40,9 @@ pub struct Results {
     /// The prior and the exact distances, where cells are scored by distances.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<AlgorithmSummary>,
+    /// By recording, then as the algorithms; empty for a single recording.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<RecordingSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
     /// The units and tables that it is of.
@@ -427,6 +431,7 @@ impl Results {
         let mut rows = by_algorithm(&tables.rows);
         rows.extend(by_algorithm(&tables.references));
         results.find_best(&rows, &tables.drives);
+        results.recordings = recordings(results.kind(), &tables.rows);
         let records = parts
             .manifest
             .map_or(&[][..], |manifest| &manifest.algorithms);

@@ -218,6 +218,21 @@ fn an_unknown_name_has_suggestions_by_its_meaning() {
          'distance'; see
         algos sgbm => 2: unknown algorithm 'sgbm' (did you mean 'sgm' or 'exec'?)
         algos OpenCV => 2: unknown algorithm 'OpenCV' (did you mean 'bm', 'sgm' or 'exec'?)
+        gate r => 2: (did you mean 'score --gate' or 'report --gate'?)
+        label run.mcap => 2: 'svl label checkpoints run.mcap' or 'svl label windows run.mcap'
+        label nothing => 2: unrecognized subcommand 'nothing'; see
+        label --near 1 => 2: (did you mean --near of `svl score`?)
+        score r --gt x => 2: unexpected argument '--gt' found (did you mean --truth?); see
+        score r --html=x => 2: index.html in that folder is the page
+        score r --pdf => 2: printed by a browser
+        score r --depth /d => 2: --truth for the truth, --algo topic:
+        score r --topic /a => 2: (did you mean --left, --right, --truth?)
+        score r --frames 5 => 2: (did you mean --every, --from, --to?)
+        score r --max-disparity 64 => 2: --algo bm:max_disparity=64
+        score --dataset kitti => 2: the folder without an option
+        score r --ci => 2: (did you mean --gate, --junit FILE.xml?)
+        score r --algo v5,sgm => 2: each has its own option: --algo v5 --algo sgm; see
+        score r --algo v5,nothing => 2: unknown algorithm 'v5,nothing'
         ",
     );
 }

@@ -6,6 +6,7 @@ pub(crate) mod transcript;
 pub(crate) mod adapters;
 mod algos;
 mod bench;
+mod browser;
 mod calibrate_board;
 mod calibrate_convert;
 mod calibrate_distance;

@@ -3,7 +3,7 @@
 use super::fixture::{cell, example, row};
 use crate::cli::transcript::assert_words;
 use svl::manifest::{AlgorithmRecord, Manifest};
-use svl::overlay::{Nearness, algorithm_color, marks};
+use svl::overlay::{Nearness, algorithm_colors, marks};
 use svl::report::html::{
     CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
 };
@@ -190,7 +190,8 @@ fn an_algorithm_has_one_color_wherever_it_is() {
     // By the order of the run, not that of a sorted summary.
     page.summary.algorithms.reverse();
     let html = page.render().unwrap();
-    for (label, [r, g, b]) in [("bm", algorithm_color(0)), ("v3", algorithm_color(1))] {
+    let labels = ["bm", "v3"];
+    for (label, [r, g, b]) in labels.into_iter().zip(algorithm_colors(&labels)) {
         let key = format!("background: rgb({r} {g} {b})\"></i>{label}");
         assert!(html.contains(&key), "{label}");
         let drawn = format!("fill=\"#{r:02X}{g:02X}{b:02X}\"");

@@ -13,7 +13,7 @@ use std::cmp::Ordering::Equal;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
-use svl_files::overlay::{algorithm_color, viridis};
+use svl_files::overlay::{REFERENCE_COLOR, viridis};
 use svl_score::judge::ColumnChoice;
 
 pub(crate) fn view(page: &ReportPage) -> Value {
@@ -60,7 +60,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
         reliability => reliability(page, &colors),
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
-        drives => summary.drive_table(), cases => page.cases, timeline => page.timeline, worst => worst(page),
+        drives => summary.drive_table(), cases => page.cases, recordings => summary.recording_table(), timeline => page.timeline, worst => worst(page),
         stress_tables => summary.stress_tables(), trade_offs => trade_offs(page, &colors),
         speed_plots => speed(page, &colors), stress => stress(page, &colors),
         failed_maps => maps(page, &colors, Some(true)),
@@ -179,7 +179,7 @@ fn first_figure(page: &ReportPage) -> Option<String> {
 fn overview(page: &ReportPage, table: &Table) -> Value {
     let (summary, swept, colors) = (&page.summary, swept(page), page.colors());
     let view = |(place, label)| {
-        let color = css_color(colors.rgb(label).unwrap_or(algorithm_color(place)));
+        let color = css_color(colors.rgb(label).unwrap_or(REFERENCE_COLOR));
         let own = summary.checkpoints.iter().filter(|c| c.algorithm == label);
         let passes = own.map(|c| (c.checkpoint, (c.passed, c.frames)));
         let passes = passes.collect::<BTreeMap<_, _>>();

@@ -4,7 +4,7 @@ use super::canvas::{BELOW, Canvas, Color, PlotKey, Point, RIGHT, fill, line, tit
 use super::labels;
 use super::series::{AXIS, AlgorithmColors, Series, SeriesStyle, TEXT, WIDTH};
 use super::ticks::{linear_ticks, log_ticks};
-use svl_files::overlay::algorithm_color;
+use svl_files::overlay::plot_color;
 
 /// A plot of series over common axes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -160,11 +160,11 @@ impl Chart {
     /// algorithm share the first.
     fn colors(&self, colors: &AlgorithmColors<'_>) -> Vec<Color> {
         let named = usize::from(self.series.iter().any(|s| s.form == SeriesStyle::Named));
-        let mut others = (named..).map(algorithm_color);
+        let mut others = (named..).map(plot_color);
         let own = |series: &Series| match series.form {
             SeriesStyle::Caption | SeriesStyle::Label | SeriesStyle::Front => AXIS,
             form => colors.rgb(&series.name).unwrap_or_else(|| match form {
-                SeriesStyle::Named => algorithm_color(0),
+                SeriesStyle::Named => plot_color(0),
                 _ => others.next().unwrap_or(AXIS),
             }),
         };

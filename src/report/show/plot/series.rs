@@ -3,8 +3,8 @@
 //! A page that holds them styles them: axes and texts take the page's colours through the class
 //! `plot`.
 
-use std::collections::BTreeMap;
-use svl_files::overlay::{COLOR_COUNT, algorithm_color};
+use std::collections::{BTreeMap, BTreeSet};
+use svl_files::overlay::{COLOR_COUNT, algorithm_colors, kind_of_label as kind};
 
 /// Points under one name. Non-finite points are omitted and interrupt a line.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,11 +14,12 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-/// The algorithms of a run in its order, from which their colours follow: those of a kind have one
+/// The algorithms of a run, and their colours: those of a kind have one
 /// colour where there are more algorithms than colours, and those of a sweep the shade of their
 /// parameter.
 pub struct AlgorithmColors<'a> {
     labels: Vec<&'a str>,
+    colors: Vec<[u8; 3]>,
     shades: BTreeMap<&'a str, [u8; 3]>,
 }
 
@@ -26,9 +27,12 @@ impl<'a> AlgorithmColors<'a> {
     pub fn new(labels: impl IntoIterator<Item = &'a str>) -> Self {
         let mut labels: Vec<_> = labels.into_iter().collect();
         if labels.len() > COLOR_COUNT {
+            let mut seen = BTreeSet::new();
             labels = labels.into_iter().map(kind).collect();
+            labels.retain(|label| seen.insert(*label));
         }
         Self {
+            colors: algorithm_colors(&labels),
             labels,
             shades: BTreeMap::new(),
         }
@@ -47,13 +51,8 @@ impl<'a> AlgorithmColors<'a> {
         let own = || place(&|own| own == label);
         let place = || own().or_else(|| place(&|own| kind(own) == kind(label)));
         let shade = self.shades.get(label).copied();
-        shade.or_else(|| place().map(algorithm_color))
+        shade.or_else(|| place().map(|place| self.colors[place]))
     }
-}
-
-/// The kind of an algorithm, by its label.
-fn kind(label: &str) -> &str {
-    label.split(':').next().unwrap_or_default()
 }
 
 impl Series {

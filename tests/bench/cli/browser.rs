@@ -1,0 +1,130 @@
+//! Pages in a browser: headless Chromium, if it is installed.
+
+use super::fixture::{Fixture, has};
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use serde_json::Value;
+use std::process::Command;
+
+/// The value of a script that runs beside a page in a window of that width: `own` is the window.
+fn inspect(folder: &Fixture, page: &str, (width, is_dark): (u32, bool), script: &str) -> Value {
+    let errors = "<script>var errors = []; addEventListener('error', (e) => errors.push(e.message));\
+                  console.error = (...words) => errors.push(words.join(' '));</script>";
+    let text = folder
+        .text(page)
+        .replacen("<head>", &format!("<head>{errors}"), 1);
+    folder.write("inspected.html", text);
+    let helpers = include_str!("browser.js");
+    let harness = format!(
+        "<!DOCTYPE html><pre id=out></pre><iframe id=own width={width} height=900 \
+         style='border:0'></iframe><script>{helpers}
+         const view = document.getElementById('own');
+         view.onload = () => {{
+           const own = view.contentWindow;
+           let value;
+           try {{ value = (() => {{ {script} }})(); }} catch (e) {{ value = String(e); }}
+           const out = btoa(unescape(encodeURIComponent(JSON.stringify({{ value, errors: own.errors }}))));
+           document.getElementById('out').textContent = 'OUT' + out + 'END';
+         }};
+         view.src = 'inspected.html';</script>"
+    );
+    let harness = folder.write("harness.html", harness);
+    let profile = folder.path("browser");
+    let scheme = if is_dark { 0 } else { 1 };
+    let ran = Command::new("chromium")
+        .args([
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--hide-scrollbars",
+        ])
+        .args(["--disable-web-security", "--allow-file-access-from-files"])
+        .arg(format!("--blink-settings=preferredColorScheme={scheme}"))
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .args([
+            "--window-size=1600,1200",
+            "--virtual-time-budget=8000",
+            "--dump-dom",
+        ])
+        .arg(format!("file://{}", harness.display()))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&ran.stdout);
+    let out = dom
+        .split("OUT")
+        .nth(1)
+        .and_then(|out| out.split("END").next());
+    let out = out.unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&ran.stderr)));
+    let bytes = STANDARD.decode(out).unwrap();
+    let found: Value = serde_json::from_slice(&bytes).unwrap();
+    assert_eq!(found["errors"], serde_json::json!([]), "{page}");
+    found["value"].clone()
+}
+
+#[test]
+fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let run = Fixture::new();
+    run.record_short_arena("run.mcap", 40, 7);
+    run.run("score run.mcap --algo bm --algo v1 --algo v3 --rerun none -o r");
+    let page = "r/index.html";
+    for (width, is_dark) in [(1400, false), (900, true), (420, false)] {
+        let faults = inspect(&run, page, (width, is_dark), "return faults(own);");
+        assert_eq!(faults, serde_json::json!([]), "{width} px");
+    }
+    let found = inspect(
+        &run,
+        page,
+        (1400, false),
+        "
+        const at = (selector) => own.document.querySelectorAll(selector).length;
+        const worst = at('.lane-name a'), bars = at('.bin'), linked = at('a.bin');
+        const first = on(own);
+        key(own, 'keydown', 'ArrowRight');
+        const second = on(own), address = own.location.hash;
+        key(own, 'keydown', 'ArrowLeft');
+        const back = on(own);
+        key(own, 'keydown', 't');
+        const blinking = at('.blink');
+        key(own, 'keyup', 't');
+        const after = at('.blink');
+        own.document.getElementById('wrong-only').click();
+        const left = at('[data-choose]:not([hidden])'), all = at('[data-choose]');
+        own.document.getElementById('wrong-only').click();
+        own.document.querySelector('.lane-name a').click();
+        const opened = own.location.hash.slice(1), shown = on(own);
+        own.document.querySelector('.figure.on .shot:not(.off) svg').dispatchEvent(
+          new own.MouseEvent('click', { bubbles: true }));
+        const large = at('dialog[open] svg');
+        const frame = own.document.querySelector('.figure[data-frame]');
+        own.location.hash = '#' + encodeURI(frame.dataset.frame) + '/v3';
+        own.dispatchEvent(new own.HashChangeEvent('hashchange'));
+        const linkedTo = on(own) === frame.id;
+        const slider = own.document.getElementById('slider');
+        slider.value = slider.max;
+        slider.dispatchEvent(new own.Event('input'));
+        const last = on(own);
+        return { worst, bars, linked, moved: first !== second, address, back: back === first,
+          blinking, after, fewer: left <= all, opened: opened === shown, large, linkedTo,
+          slid: last !== frame.id };
+        ",
+    );
+    let is = |name: &str| assert!(found[name] == true, "{name}: {found}");
+    ["moved", "back", "fewer", "opened", "linkedTo", "slid"]
+        .iter()
+        .for_each(|name| is(name));
+    assert!(found["worst"].as_u64() > Some(3), "{found}");
+    assert!(
+        found["bars"].as_u64() >= found["linked"].as_u64(),
+        "{found}"
+    );
+    assert!(found["linked"].as_u64() > Some(0), "{found}");
+    assert!(
+        found["address"].as_str().unwrap().starts_with("#run/"),
+        "{found}"
+    );
+    assert!(found["blinking"].as_u64() > Some(0), "{found}");
+    assert_eq!(found["after"], 0, "{found}");
+    assert_eq!(found["large"], 1, "{found}");
+}
