@@ -121,7 +121,7 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
     );
     assert!(found["linked"].as_u64() > Some(0), "{found}");
     assert!(
-        found["address"].as_str().unwrap().starts_with("#run/"),
+        found["address"].as_str().unwrap().starts_with("#run.mcap/"),
         "{found}"
     );
     assert!(found["blinking"].as_u64() > Some(0), "{found}");

@@ -141,15 +141,15 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
         figure(3, "3 bridge", vec![]),
     ];
     let html = with_figures(figures).render().unwrap();
-    // "one", "two" and the maps in base64; six overlays and three maps of each kind show them. With
-    // a key of the errors. Besides the legend: two known cells, an unknown and a wrong one per
-    // estimate, three known ones per truth. The checkpoint that the first algorithm fails; frames
+    // "one", "two" and the maps in base64; three estimates with their maps, and two truths, as the
+    // frames of the first are of one pair, show them. With a key of the errors. Besides the legend:
+    // two known cells, an unknown and a wrong one per estimate, three known ones per truth. The checkpoint that the first algorithm fails; frames
     // of 4: a square and two frames.
     assert_words(
         &html,
         "5x data:image/png;base64, | 1x b25l\" | 1x dHdv\" | 1x cHJldmlldw==\" \
-        | 4x href=\"#i0\" | 3x href=\"#i1\" | 3x href=\"#i2\" | 3x href=\"#i3\" | 2x href=\"#i4\" \
-        | no estimate | 16x class=\"median\" | 4x class=\"dot\" | 4x href=\"#wrong\" \
+        | 4x href=\"#i0\" | 2x href=\"#i1\" | 3x href=\"#i2\" | 3x href=\"#i3\" | 1x href=\"#i4\" \
+        | no estimate | 13x class=\"median\" | 4x class=\"dot\" | 4x href=\"#wrong\" \
         | <rect class=\"median\" x=\"2.5\" y=\"2.5\" width=\"5.0\" height=\"5.0\"/> \
         | seed 7, frame 143 | cells: 12 right, 1 wrong, 2 unknown \
         | wrong: (0, 0) 0.80 m, true 0.40 m, obstacle missed | (0, 0) is wrong \

@@ -165,7 +165,7 @@ slider?.addEventListener("input", () => {
   if (figure) choose(figure.id);
 });
 document.addEventListener("keydown", (event) => {
-  if (event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.target.closest?.("input, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === "t" && !event.repeat) blink(true);
   const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (chooser && by && !document.querySelector("dialog")) step(by);

@@ -29,6 +29,8 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let figures = figures.map(|figure| figure_view(figure, &mut images, place));
     let figures: Vec<_> = figures.collect();
     let scenes = scenes(page);
+    let mut timeline = page.timeline.clone();
+    timeline.lanes.sort_by_key(|(label, _)| place(label));
     let mut identity = manifest.entries();
     let note = summary.ending.note();
     identity.extend(note.map(|note| ("not scored".to_owned(), note)));
@@ -60,7 +62,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
         reliability => reliability(page, &colors),
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
-        drives => summary.drive_table(), cases => page.cases, recordings => summary.recording_table(), timeline => page.timeline, worst => worst(page),
+        drives => summary.drive_table(), cases => page.cases, recordings => summary.recording_table(), timeline, worst => worst(page),
         stress_tables => summary.stress_tables(), trade_offs => trade_offs(page, &colors),
         speed_plots => speed(page, &colors), stress => stress(page, &colors),
         failed_maps => maps(page, &colors, Some(true)),
@@ -155,7 +157,7 @@ fn has_choice(figure: &CheckpointFigure) -> bool {
     shots.any(|two| two[0].1.row.algorithm != two[1].1.row.algorithm)
 }
 
-/// The id of the checkpoint that the first algorithm with pictures fails most.
+/// The id of the checkpoint that the first algorithm with pictures fails most, or of its worst frame.
 fn first_figure(page: &ReportPage) -> Option<String> {
     let ranked = page.summary.ranked_algorithms();
     let mut labels = ranked.iter().map(|a| &a.algorithm);
@@ -172,7 +174,15 @@ fn first_figure(page: &ReportPage) -> Option<String> {
         passed as f64 / frames as f64
     };
     let worst = failed.min_by(|a, b| share(a).partial_cmp(&share(b)).unwrap_or(Equal));
-    worst.map(|number| format!("cp{number}"))
+    let checkpoint = worst.map(|number| format!("cp{number}"));
+    // Without checkpoints its worst frame.
+    let frame = || {
+        Some(format!(
+            "f{}",
+            self::worst(page).get(label.as_str())?.first()?.0
+        ))
+    };
+    checkpoint.or_else(frame)
 }
 
 /// Parts of the headline table besides its numbers.
