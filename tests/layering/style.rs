@@ -68,22 +68,22 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13090),
+    ("bench", 13209),
     ("c", 470),
     ("calibrate", 4981),
-    ("cli", 10831),
+    ("cli", 10886),
     ("core", 19627),
-    ("files", 2492),
+    ("files", 2534),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 12973),
-    ("score", 8567),
+    ("report", 13400),
+    ("score", 8589),
     ("sim", 3534),
     ("thesis", 2664),
-    ("train", 3401),
-    ("viewer", 1731),
+    ("train", 3403),
+    ("viewer", 1733),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

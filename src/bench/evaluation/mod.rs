@@ -2,6 +2,7 @@
 
 mod drives;
 mod evaluate;
+mod left_image;
 mod merge;
 mod plan;
 mod programs;
@@ -12,6 +13,7 @@ mod sweep;
 mod work;
 
 pub use evaluate::Evaluation;
+pub use left_image::find_left;
 pub use merge::Parts;
 pub use plan::{Again, EvaluationPlan};
 pub use shard::Shard;

@@ -13,8 +13,7 @@ mod viewer;
 
 pub use collect::{CollectSink, WatchSink};
 pub use pair_stream::PairStreamSink;
-pub use pictures::find_left;
-pub(crate) use pictures::frame_shot;
+pub(crate) use pictures::{frame_shot, left_image};
 pub use recording::RecordingSink;
 pub use running_table::RunningTable;
 pub(crate) use table::RowIdentity;

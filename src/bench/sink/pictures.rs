@@ -4,20 +4,15 @@ use super::PassStart;
 use super::table::RowIdentity;
 use std::collections::BTreeMap;
 use svl_core::Result;
-use svl_core::stereo::hash_words;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_files as files;
 use svl_files::overlay::{self, NO_DISPARITY, Nearness, Picture, errors};
-use svl_recording::Reader;
-use svl_report::Row;
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
 use svl_report::units::{
-    Badness, BlockPictures, CheckpointShot, StoredImage, WorstFrame, WorstFrames, WorstPicture,
+    Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
 };
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
-use svl_score::manifest::Manifest;
-use svl_sim::arena::Arena;
 
 /// Largest width of a frame's picture, pixels.
 const MAX_WIDTH: usize = 640;
@@ -426,28 +421,8 @@ fn raw_shot(
     }
 }
 
-/// The left image of a row of a report: rendered again, or read from svl's recording at its
-/// original path. None if it is not there, or if the pair has other pixels.
-pub fn find_left(manifest: &Manifest, row: &Row) -> Option<StoredImage> {
-    let frame = find_pair(manifest, row)?;
-    let is_same = hash_words(frame.pair.hash()) == row.pair_hash;
-    let file = is_same.then(|| left_image(&frame))?.ok()?;
-    Some((file, frame.pair.size()))
-}
-
-fn find_pair(manifest: &Manifest, row: &Row) -> Option<Frame> {
-    if let (Some(config), Some(seed)) = (manifest.part("arena").ok()?, row.seed) {
-        return Arena::new(&config, seed).ok()?.frame(row.sequence).ok();
-    }
-    let mut runs = manifest.runs.iter();
-    let record = runs.find(|record| Some(&record.name) == row.run.as_ref())?;
-    let mut reader = Reader::open(&record.path).ok()?;
-    reader.seek(row.sequence).ok()?;
-    reader.next_pair().ok()?
-}
-
 /// The left image as a page shows it.
-fn left_image(frame: &Frame) -> Result<Vec<u8>> {
+pub(crate) fn left_image(frame: &Frame) -> Result<Vec<u8>> {
     left(frame, MAX_WIDTH)
 }
 

@@ -5,13 +5,13 @@ use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
+use svl::evaluation::find_left;
 use svl::files;
 use svl::losses::Incomplete;
 use svl::outputs::{Outputs, write};
 use svl::report::compare::{Comparison, Join, ScoredRun, Trend, page};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{Better, ColumnChoice, Metric};
-use svl::sink::find_left;
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///

@@ -10,7 +10,6 @@ use crate::units::pictures::StoredImage;
 use crate::units::shots::LeftImages;
 use std::cmp::Ordering;
 use std::collections::HashMap;
-use svl_core::Result;
 use svl_core::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 use svl_files::overlay::{self, NEAR_M, Nearness};
 use svl_score::judge::{Metric, MetricValues};
@@ -28,8 +27,8 @@ pub(super) struct ChangedFrame {
     pub is_worse: bool,
     /// Before and after; without tables of cells they have none.
     pub shots: [FrameShot; 2],
-    /// True if a folder, svl or its recording has the left image.
-    pub has_image: bool,
+    /// The reason why neither a folder nor the recording has the left image.
+    pub no_image: Option<String>,
 }
 
 /// Change of missed near obstacles, of false ones, and of wrong minus right cells; negative ones
@@ -49,7 +48,7 @@ fn harm(before: &MetricValues, after: &MetricValues) -> Option<FrameHarm> {
 }
 
 /// The left image of a row's pair, found again where the report with that manifest has it from.
-pub type FindLeft<'a> = dyn Fn(&Manifest, &Row) -> Option<StoredImage> + 'a;
+pub type FindLeft<'a> = dyn Fn(&Manifest, &Row) -> Result<StoredImage, String> + 'a;
 
 /// The left images of both reports.
 pub(super) struct BothImages<'a> {
@@ -61,7 +60,7 @@ pub(super) struct BothImages<'a> {
 impl<'a> BothImages<'a> {
     /// # Errors
     /// The errors of reading the pictures.
-    pub fn new(join: &Join<'a>, find: &'a FindLeft<'a>) -> Result<Self> {
+    pub fn new(join: &Join<'a>, find: &'a FindLeft<'a>) -> svl_core::Result<Self> {
         let runs = join.runs;
         let [a, b] = runs.map(|run| LeftImages::find(&run.folder));
         let images = [a?, b?];
@@ -73,14 +72,16 @@ impl<'a> BothImages<'a> {
         (0..2).any(|side| self.images[side].hold(pair[side]))
     }
 
-    fn read(&self, pair: [&Row; 2]) -> Result<Option<StoredImage>> {
+    /// The image, or the reason why it is not there.
+    fn read(&self, pair: [&Row; 2]) -> svl_core::Result<Result<StoredImage, String>> {
         for (images, row) in self.images.iter().zip(pair) {
             if let Some(found) = images.read(row)? {
-                return Ok(Some(found));
+                return Ok(Ok(found));
             }
         }
-        let mut sides = self.runs.iter().zip(pair);
-        Ok(sides.find_map(|(run, row)| (self.find)(&run.manifest, row)))
+        let [first, second] = [0, 1].map(|i| (&self.runs[i].manifest, pair[i]));
+        let found = (self.find)(first.0, first.1);
+        Ok(found.or_else(|why| (self.find)(second.0, second.1).map_err(|_| why)))
     }
 }
 
@@ -94,7 +95,7 @@ type ScoredPair<'a> = ([&'a Row; 2], FrameHarm);
 pub(super) fn changed_frames(
     own: &JoinedAlgorithm<'_>,
     images: &BothImages<'_>,
-) -> Result<Vec<ChangedFrame>> {
+) -> svl_core::Result<Vec<ChangedFrame>> {
     let scored = own.pairs.iter().filter_map(|pair| {
         let [before, after] = pair.map(|row| &row.metrics);
         Some((*pair, harm(before, after).filter(|harm| *harm != NO_HARM)?))
@@ -115,7 +116,10 @@ pub(super) fn changed_frames(
         images.runs[side].each_pair_of_cells(own.labels[side], &rows, take)?;
     }
     let frame = |(i, (pair, harm)): (usize, ScoredPair<'_>)| {
-        let left = images.read(pair)?.map(|(file, _)| file);
+        let (left, no_image) = match images.read(pair)? {
+            Ok((file, _)) => (Some(file), None),
+            Err(why) => (None, Some(why)),
+        };
         let mut shot = |side: usize| {
             let cells = std::mem::take(&mut cells[side][i]);
             shot(pair[side], cells, left.as_deref())
@@ -126,7 +130,7 @@ pub(super) fn changed_frames(
         Ok(ChangedFrame {
             is_worse: harm > NO_HARM,
             shots,
-            has_image: left.is_some(),
+            no_image,
         })
     };
     chosen.into_iter().enumerate().map(frame).collect()
@@ -150,7 +154,7 @@ fn spread<'a>(pairs: &[ScoredPair<'a>]) -> Vec<ScoredPair<'a>> {
 
 /// A frame as the page of `svl score` shows it, from the tables of a report. `left`: the file, or
 /// nothing for a blank image.
-fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> Result<FrameShot> {
+fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> svl_core::Result<FrameShot> {
     let size = (row.width as usize, row.height as usize);
     let most = |number: fn(&CellRow) -> u32| cells.iter().map(number).max().unwrap_or(0) as usize;
     let shape = GridShape {

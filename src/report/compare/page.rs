@@ -68,17 +68,12 @@ fn algorithm_view<'a>(
 /// A remark on what is missing of the frames, or why there are none.
 fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<&'static str> {
     let has_cells = |frame: &ChangedFrame| frame.shots.iter().all(|shot| !shot.cells.is_empty());
-    let lacks_image = frames.iter().any(|frame| !frame.has_image);
     let words = match own.courses {
         Some(_) => return None,
         None if own.equal_results == own.pairs => "The results of all frames are equal.",
         None if frames.is_empty() => "No frame is better or worse by a truth of cells.",
         None if !frames.iter().all(has_cells) => {
             "A report has no table of cells, so its cells are not shown."
-        }
-        None if lacks_image => {
-            "The cells of some frames stand alone: their images are neither in the folders, nor \
-             rendered by svl, nor in its own recordings."
         }
         None => return None,
     };
@@ -105,7 +100,7 @@ fn frame_view<'a>(frame: &'a ChangedFrame, names: [&str; 2], images: &mut PageIm
     let words = words.chain((more > 0).then(|| format!("{more} more")));
     context! {
         title => frame.shots[0].row.origin_words(), reason => changed_counts(&frame.shots),
-        is_worse => frame.is_worse, changed => words.collect::<Vec<_>>().join("; "),
+        is_worse => frame.is_worse, no_image => frame.no_image, changed => words.collect::<Vec<_>>().join("; "),
         shots => names.into_iter().zip(shots).collect::<Vec<_>>(),
     }
 }

@@ -9,6 +9,8 @@ function faults(own) {
   const found = [];
   const { scrollWidth, clientWidth } = page.documentElement;
   if (scrollWidth > clientWidth + 1) found.push(`wide: ${scrollWidth} of ${clientWidth} px`);
+  const table = page.querySelector("#headline")?.parentNode;
+  if (table?.scrollWidth > table?.clientWidth + 1) found.push(`headline: ${table.scrollWidth} of ${table.clientWidth} px`);
   const isSeen = (element) => element.checkVisibility({ contentVisibilityAuto: true, visibilityProperty: true });
   for (const element of page.querySelectorAll("th, td, p, li, h1, h2, h3, button, summary")) {
     const style = own.getComputedStyle(element);
