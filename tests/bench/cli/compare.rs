@@ -456,10 +456,13 @@ fn frames_of_an_own_recording_are_shown_as_long_as_it_is_there() {
         "score run.mcap -q --algo v3 --rerun none -o 0
         score run.mcap -q --algo v3:max_disparity=8 --rerun none -o 1
         compare 0 1 -q -o whole.html
-        cat whole.html => <image id= | !stand alone
+        cat whole.html => <image id= | !no image:
         mv other.mcap run.mcap
         compare 0 1 -q -o without.html
-        cat without.html => stand alone: their images are neither",
+        cat without.html => no image: run.mcap has other pixels there: it changed
+        mv run.mcap elsewhere.mcap
+        compare 0 1 -q -o moved.html
+        cat moved.html => no image: run.mcap is not there: it moved",
     );
 }
 
@@ -559,6 +562,8 @@ fn the_page_replaces_nothing_unasked() {
         "score other.toml -q --algo v3 --rerun none -o 2
         compare 0 1 -o own.html => 1: own.html: exists already | --force
         compare 0 1 -o page.txt => 2: page.txt: must end in .html
+        compare 0 1 -q -o page.md
+        cat page.md => v3
         compare 0 1 --junit x.txt --fail-on worse => 2: x.txt: must end in .xml
         compare 0 1 -o missing/page.html => 1: missing: no such folder; create it first
         compare 0 1 -o 0/index.html --force => 2: 0/index.html: is in the folder of a report
