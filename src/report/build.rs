@@ -1,6 +1,6 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
-use crate::pages::html::figures::{CheckpointFigure, ReportPage, SceneFigure};
+use crate::pages::html::figures::{CheckpointFigure, ReportPage, SceneFigure, shown_frames};
 use crate::pages::html::timeline::Timeline;
 use crate::pages::maps::maps;
 use crate::pages::sweeps::sweeps;
@@ -199,7 +199,7 @@ impl Report<'_> {
                 .collect(),
             description: plan.manifest.part("description")?.unwrap_or_default(),
             times_ms: times_ms(&tables.rows),
-            timeline: Timeline::new(&tables.rows).with_figures(&figures),
+            timeline: Timeline::new(&tables.rows).with_frames(shown_frames(&figures)),
             cases: summary.case_table(&tables.rows, &tables.drives),
             summary: summary.clone(),
             sweeps: sweeps(&manifest.algorithms),

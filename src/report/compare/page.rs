@@ -100,7 +100,8 @@ fn frame_view<'a>(frame: &'a ChangedFrame, names: [&str; 2], images: &mut PageIm
     let words = words.chain((more > 0).then(|| format!("{more} more")));
     context! {
         title => frame.shots[0].row.origin_words(), reason => changed_counts(&frame.shots),
-        is_worse => frame.is_worse, no_image => frame.no_image, changed => words.collect::<Vec<_>>().join("; "),
+        is_worse => frame.is_worse, no_image => frame.no_image,
+        changed => words.collect::<Vec<_>>().join("; "),
         shots => names.into_iter().zip(shots).collect::<Vec<_>>(),
     }
 }

@@ -7,7 +7,7 @@ use crate::rows::samples::{grouped, is_scene, total};
 use crate::show::table::model::Table;
 use crate::show::words::{NONE, number};
 use crate::subjects::drives::DriveRow;
-use serde::Serialize;
+use crate::subjects::recordings::RecordingSummary;
 use std::collections::BTreeMap;
 use svl_core::counted;
 use svl_score::judge::{Metric, TruthLevel};
@@ -19,43 +19,6 @@ const MAX_CASES: usize = 40;
 struct Case {
     name: String,
     outcomes: BTreeMap<String, (Option<f64>, String)>,
-}
-
-/// The results of an algorithm on a recording of several.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RecordingSummary {
-    pub run: String,
-    pub algorithm: String,
-    pub pairs: u64,
-    /// Metrics by their names: of the answer, and near obstacles.
-    #[serde(flatten)]
-    pub metrics: BTreeMap<&'static str, f64>,
-}
-
-/// The results per recording, if there are several.
-pub(super) fn recordings(kind: TruthLevel, rows: &[Row]) -> Vec<RecordingSummary> {
-    let own = rows.iter();
-    let own = own.filter(|row| row.stress.is_none() && row.run.is_some());
-    let own: Vec<&Row> = own.collect();
-    let near = ["missed", "false"].into_iter().filter_map(Metric::find);
-    let metrics: Vec<_> = answer_metrics(kind).into_iter().chain(near).collect();
-    let summary = |own: &[&Row]| RecordingSummary {
-        run: own[0].run.clone().unwrap_or_default(),
-        algorithm: own[0].algorithm.clone(),
-        pairs: own.len() as u64,
-        metrics: (metrics.iter())
-            .filter_map(|metric| Some((metric.name, total(metric, own)?)))
-            .collect(),
-    };
-    let all = grouped(
-        &own,
-        |row| (row.run.clone(), row.algorithm.clone()),
-        summary,
-    );
-    match all.windows(2).all(|two| two[0].run == two[1].run) {
-        true => Vec::new(),
-        false => all,
-    }
 }
 
 impl Results {

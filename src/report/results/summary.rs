@@ -1,12 +1,12 @@
 //! The results of a report: per algorithm, and per checkpoint and algorithm.
 
 use super::best::{Best, SweepChoice, Unfit, by_algorithm};
-use super::cases::{RecordingSummary, recordings};
 use super::common::{RankedPairs, only};
 use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, Row, record};
 use crate::rows::samples::{grouped, run_key};
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{self, DriveRow, DriveSummary, TrackRow};
+use crate::subjects::recordings::{RecordingSummary, recordings};
 use crate::subjects::reliability::ReliabilityRow;
 use crate::subjects::sources::Sources;
 use crate::subjects::speed::Speed;
@@ -431,7 +431,7 @@ impl Results {
         let mut rows = by_algorithm(&tables.rows);
         rows.extend(by_algorithm(&tables.references));
         results.find_best(&rows, &tables.drives);
-        results.recordings = recordings(results.kind(), &tables.rows);
+        results.recordings = recordings(&tables.rows);
         let records = parts
             .manifest
             .map_or(&[][..], |manifest| &manifest.algorithms);

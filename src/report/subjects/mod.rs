@@ -4,6 +4,7 @@ pub(crate) mod accuracy;
 pub(crate) mod agreed;
 pub(crate) mod checkpoints;
 pub(crate) mod drives;
+pub(crate) mod recordings;
 pub(crate) mod references;
 pub(crate) mod reliability;
 pub(crate) mod sources;

@@ -155,7 +155,7 @@ mod tests {
         assert!(order.is_sorted_by(|a, b| a.order(b).is_lt()));
     }
 
-    /// Those of a choice from all frames at once.
+    /// The choice is that from all frames at once.
     #[test]
     fn frames_one_by_one_are_those_of_all() {
         let mut state = 1_u64;

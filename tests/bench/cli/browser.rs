@@ -7,7 +7,8 @@ use std::process::Command;
 
 /// The value of a script that runs beside a page in a window of that width: `own` is the window.
 fn inspect(folder: &Fixture, page: &str, (width, is_dark): (u32, bool), script: &str) -> Value {
-    let errors = "<script>var errors = []; addEventListener('error', (e) => errors.push(e.message));\
+    let errors = "<script>var errors = [];\
+                  addEventListener('error', (e) => errors.push(e.message));\
                   console.error = (...words) => errors.push(words.join(' '));</script>";
     let text = folder
         .text(page)
@@ -22,7 +23,8 @@ fn inspect(folder: &Fixture, page: &str, (width, is_dark): (u32, bool), script: 
            const own = view.contentWindow;
            let value;
            try {{ value = (() => {{ {script} }})(); }} catch (e) {{ value = String(e); }}
-           const out = btoa(unescape(encodeURIComponent(JSON.stringify({{ value, errors: own.errors }}))));
+           const found = JSON.stringify({{ value, errors: own.errors }});
+           const out = btoa(unescape(encodeURIComponent(found)));
            document.getElementById('out').textContent = 'OUT' + out + 'END';
          }};
          view.src = 'inspected.html';</script>"

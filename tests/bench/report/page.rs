@@ -143,8 +143,8 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
     let html = with_figures(figures).render().unwrap();
     // "one", "two" and the maps in base64; three estimates with their maps, and two truths, as the
     // frames of the first are of one pair, show them. With a key of the errors. Besides the legend:
-    // two known cells, an unknown and a wrong one per estimate, three known ones per truth. The checkpoint that the first algorithm fails; frames
-    // of 4: a square and two frames.
+    // two known cells, an unknown and a wrong one per estimate, three known ones per truth. The
+    // checkpoint that the first algorithm fails; frames of 4: a square and two frames.
     assert_words(
         &html,
         "5x data:image/png;base64, | 1x b25l\" | 1x dHdv\" | 1x cHJldmlldw==\" \

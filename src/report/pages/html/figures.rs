@@ -1,7 +1,7 @@
 //! The figures of a report's page: frames, scenes, checkpoints, sweeps.
 
 use super::stored;
-use super::timeline::Timeline;
+use super::timeline::{ShownFrame, Timeline, run_name};
 use crate::results::gate::GateState;
 use crate::results::summary::Results;
 use crate::rows::records::{CellRow, Row};
@@ -42,6 +42,25 @@ impl ReportPage {
         let mut points = self.sweeps.iter().flat_map(|sweep| &sweep.points);
         points.any(|(_, own)| own == label)
     }
+}
+
+/// The frames of the figures without a checkpoint.
+pub(crate) fn shown_frames(figures: &[CheckpointFigure]) -> Vec<ShownFrame> {
+    let figures = figures.iter().enumerate();
+    let frames = figures.filter(|(_, own)| own.checkpoint.is_none());
+    let frames = frames.flat_map(|(figure, own)| {
+        own.shots.iter().map(move |(rank, shot)| ShownFrame {
+            algorithm: shot.row.algorithm.clone(),
+            run: run_name(&shot.row),
+            sequence: shot.row.sequence,
+            rank: match rank {
+                Rank::Failed(rank) => Some(*rank),
+                _ => None,
+            },
+            figure,
+        })
+    });
+    frames.collect()
 }
 
 /// Algorithms that differ in one parameter alone.

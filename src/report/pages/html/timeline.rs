@@ -1,6 +1,5 @@
 //! The results over time: cells per second of a recording, or per recording of several.
 
-use super::figures::{CheckpointFigure, Rank};
 use crate::rows::records::Row;
 use crate::rows::samples::is_scene;
 use serde::Serialize;
@@ -34,6 +33,17 @@ pub struct Bin {
     pairs: Vec<(String, u64)>,
     /// The figure of the worst frame that is shown.
     pub figure: Option<usize>,
+}
+
+/// A frame that the page shows.
+pub struct ShownFrame {
+    pub algorithm: String,
+    pub run: String,
+    pub sequence: u64,
+    /// Among the worst of its algorithm, from 1 on.
+    pub rank: Option<usize>,
+    /// The place of its figure.
+    pub figure: usize,
 }
 
 /// The name of a row's run, as in links to its frames.
@@ -117,20 +127,16 @@ impl Timeline {
 
     /// With the figure of the worst frame of each bin that has one.
     #[must_use]
-    pub fn with_figures(mut self, figures: &[CheckpointFigure]) -> Self {
-        let mut places: BTreeMap<(String, String, u64), (usize, usize)> = BTreeMap::new();
-        for (i, figure) in figures.iter().enumerate() {
-            let frames = figure.shots.iter().filter(|_| figure.checkpoint.is_none());
-            for (rank, shot) in frames {
-                let row = &shot.row;
-                let rank = match rank {
-                    Rank::Failed(rank) => *rank,
-                    _ => usize::MAX,
-                };
-                let key = (row.algorithm.clone(), run_name(row), row.sequence);
-                places.insert(key, (rank, i));
-            }
-        }
+    pub fn with_frames(mut self, frames: impl IntoIterator<Item = ShownFrame>) -> Self {
+        let places: BTreeMap<_, _> = frames
+            .into_iter()
+            .map(|own| {
+                (
+                    (own.algorithm, own.run, own.sequence),
+                    (own.rank.unwrap_or(usize::MAX), own.figure),
+                )
+            })
+            .collect();
         for (label, bins) in &mut self.lanes {
             for bin in bins {
                 let found = bin.pairs.iter().filter_map(|(run, sequence)| {

@@ -62,7 +62,8 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
         reliability => reliability(page, &colors),
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
-        drives => summary.drive_table(), cases => page.cases, recordings => summary.recording_table(), timeline, worst => worst(page),
+        drives => summary.drive_table(), cases => page.cases,
+        recordings => summary.recording_table(), timeline, worst => worst(page),
         stress_tables => summary.stress_tables(), trade_offs => trade_offs(page, &colors),
         speed_plots => speed(page, &colors), stress => stress(page, &colors),
         failed_maps => maps(page, &colors, Some(true)),
@@ -157,7 +158,8 @@ fn has_choice(figure: &CheckpointFigure) -> bool {
     shots.any(|two| two[0].1.row.algorithm != two[1].1.row.algorithm)
 }
 
-/// The id of the checkpoint that the first algorithm with pictures fails most, or of its worst frame.
+/// The id of the checkpoint that the first algorithm with pictures fails most, or of its worst
+/// frame.
 fn first_figure(page: &ReportPage) -> Option<String> {
     let ranked = page.summary.ranked_algorithms();
     let mut labels = ranked.iter().map(|a| &a.algorithm);
