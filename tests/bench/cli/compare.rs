@@ -563,7 +563,7 @@ fn the_page_replaces_nothing_unasked() {
         compare 0 1 -o own.html => 1: own.html: exists already | --force
         compare 0 1 -o page.txt => 2: page.txt: must end in .html
         compare 0 1 -q -o page.md
-        cat page.md => v3
+        cat page.md => wrong cells
         compare 0 1 --junit x.txt --fail-on worse => 2: x.txt: must end in .xml
         compare 0 1 -o missing/page.html => 1: missing: no such folder; create it first
         compare 0 1 -o 0/index.html --force => 2: 0/index.html: is in the folder of a report

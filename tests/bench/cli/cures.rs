@@ -139,6 +139,14 @@ const CURES: &[(&str, Cure)] = &[
         "svl score arena --seeds 1..3 --algo v3:texture_delta=3/3.35/4",
         Run("score short.toml --seeds 1..2 --algo v3:texture_delta=3/3.35/4 --rerun none -o t"),
     ),
+    (
+        "svl score FOLDER",
+        Run("score pairs --algo v3 --rerun none -o folder"),
+    ),
+    (
+        "svl view {shown}",
+        Left("needs the viewer; rerun:: opens runs"),
+    ),
     ("svl report", Run("report out")),
     ("svl report {folder}", Run("report out")),
     ("svl report {shown}", Run("report own")),

@@ -104,9 +104,12 @@ fn true_pictures<'a>(shot: &'a FrameShot, images: &mut PageImages<'a>) -> Vec<Va
     drawn(shot, pictures, images)
 }
 
+/// The label of a picture, its file if there is one, and its marks.
+type ShotPicture<'a> = (&'a str, Option<&'a Vec<u8>>, Vec<MarkView>);
+
 fn drawn<'a, const N: usize>(
     shot: &'a FrameShot,
-    pictures: [(&str, Option<&'a Vec<u8>>, Vec<MarkView>); N],
+    pictures: [ShotPicture<'a>; N],
     images: &mut PageImages<'a>,
 ) -> Vec<Value> {
     let pictures = pictures.into_iter().filter(|_| !shot.cells.is_empty());
