@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 13423),
+    ("report", 13424),
     ("score", 8589),
     ("sim", 3534),
     ("thesis", 2664),
