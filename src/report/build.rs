@@ -199,7 +199,7 @@ impl Report<'_> {
                 .collect(),
             description: plan.manifest.part("description")?.unwrap_or_default(),
             times_ms: times_ms(&tables.rows),
-            timeline: Timeline::new(&tables.rows).with_frames(shown_frames(&figures)),
+            timeline: Timeline::new(&tables.rows, &shown_frames(&figures)),
             cases: summary.case_table(&tables.rows, &tables.drives),
             summary: summary.clone(),
             sweeps: sweeps(&manifest.algorithms),

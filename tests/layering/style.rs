@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13270),
+    ("bench", 13285),
     ("c", 470),
     ("calibrate", 4981),
     ("cli", 10886),
@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 13424),
+    ("report", 13413),
     ("score", 8589),
     ("sim", 3534),
     ("thesis", 2664),

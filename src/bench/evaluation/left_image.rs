@@ -13,8 +13,8 @@ use svl_score::manifest::Manifest;
 use svl_score::scenario::SourceOptions;
 use svl_sim::arena::Arena;
 
-/// Seconds of a recording from which on a pair is looked for by its time.
-const SKIPPED_S: f64 = 5.0;
+/// Seconds behind the first pair from which on a pair is looked for by its time.
+const MIN_JUMP_S: f64 = 5.0;
 
 /// The left image of a row of a report: rendered again, or read from the recording at its original
 /// path.
@@ -52,13 +52,13 @@ fn find_pair(
         return Err(format!("{path} is not there: it moved"));
     }
     let other = || format!("{path} has other pixels there: it changed");
-    // That of svl has an index.
+    // That of svl has an index; options may have changed its pairs.
     let own = Reader::open(path).and_then(|mut reader| {
         reader.seek(row.sequence)?;
         reader.next_pair()
     });
-    if let Ok(Some(frame)) = own {
-        return Some(frame).filter(is_own).ok_or_else(other);
+    if let Some(frame) = own.ok().flatten().filter(is_own) {
+        return Ok(frame);
     }
     let options: SourceOptions = manifest.part("source").map_err(words)?.unwrap_or_default();
     let open = |from_s: Option<f64>| {
@@ -79,7 +79,7 @@ fn find_pair(
     }
     let after_s = row.stamp_ns.saturating_sub(first.stamp_ns) as f64 / 1e9;
     // A jump there, but not among the pairs that `every` chooses from the first on.
-    if after_s > SKIPPED_S && options.from_s.is_none() && options.every.is_none() {
+    if after_s > MIN_JUMP_S && options.from_s.is_none() && options.every.is_none() {
         opened = open(Some(after_s - 1.0))?;
     }
     while let Some(frame) = opened.source.next().map_err(words)? {

@@ -36,15 +36,32 @@ pub(super) struct BlockShots {
     scenes: Vec<(u64, SceneFigure)>,
     /// The worst frames by algorithm.
     worst: BTreeMap<String, WorstFrames<RawPicture>>,
-    /// The left image of the frame at a place, encoded.
-    left: Option<(u64, Vec<u8>)>,
+    /// What the shots of the frame at a place share.
+    shared: Option<(u64, SharedPictures)>,
 }
 
 /// The picture of one of the worst frames: most are outdone soon.
-#[derive(Clone)]
 enum RawPicture {
     Frame(CheckpointFigure, Box<RawShot>),
     Scene(Box<SceneFigure>),
+}
+
+/// What the shots of a frame share.
+#[derive(Clone)]
+struct SharedPictures {
+    /// The left image, encoded.
+    left: Vec<u8>,
+    /// The disparity at the end of the colours, pixels.
+    end_px: f32,
+}
+
+impl SharedPictures {
+    fn new(judged: &Judged) -> Result<Self> {
+        Ok(Self {
+            left: left_image(&judged.frame)?,
+            end_px: color_end(judged),
+        })
+    }
 }
 
 /// A shot whose disparities are not encoded yet: most leading frames are outdone soon.
@@ -204,9 +221,9 @@ impl BlockShots {
         let (best, worst) = tally.map_or((true, true), |tally| tally.would_lead(&frame));
         let mut shot = None;
         if best || worst {
-            let left = self.left_image(place, &judged.frame)?;
+            let shared = self.shared(place, judged)?;
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
-            let mut raw = raw_shot(identity, judged, scored, left);
+            let mut raw = raw_shot(identity, judged, scored, shared);
             raw.shot.passed = Some(frame.passed);
             raw.shot.failures = checkpoint.failures(grid, scored.cells.as_deref());
             raw.shot.findings = checkpoint.findings(grid, self.cells);
@@ -218,14 +235,14 @@ impl BlockShots {
         Ok(())
     }
 
-    /// The left image of the frame at that place, encoded once.
-    fn left_image(&mut self, place: u64, frame: &Frame) -> Result<Vec<u8>> {
-        let left = match self.left.take() {
-            Some((own, left)) if own == place => left,
-            _ => left_image(frame)?,
+    /// What the shots of the frame at that place share, made once.
+    fn shared(&mut self, place: u64, judged: &Judged) -> Result<SharedPictures> {
+        let shared = match self.shared.take() {
+            Some((own, shared)) if own == place => shared,
+            _ => SharedPictures::new(judged)?,
         };
-        self.left = Some((place, left.clone()));
-        Ok(left)
+        self.shared = Some((place, shared.clone()));
+        Ok(shared)
     }
 
     /// Takes the frame if it is one of the worst of its algorithm so far.
@@ -252,8 +269,8 @@ impl BlockShots {
                 RawPicture::Scene(Box::new(scene))
             }
             None => {
-                let left = self.left_image(place, frame)?;
-                let raw = raw_shot(identity, judged, scored, left);
+                let shared = self.shared(place, judged)?;
+                let raw = raw_shot(identity, judged, scored, shared);
                 RawPicture::Frame(self.figure(identity, frame), Box::new(raw))
             }
         };
@@ -293,8 +310,11 @@ impl BlockShots {
         judged: &Judged,
         shown: &[&JudgedEstimate],
     ) -> Result<CheckpointFigure> {
-        let shots = shown.iter();
-        let shots = shots.map(|scored| Ok((Rank::Sample, frame_shot(identity, judged, scored)?)));
+        let shared = SharedPictures::new(judged)?;
+        let shots = shown.iter().map(|scored| {
+            let raw = raw_shot(identity, judged, scored, shared.clone());
+            Ok((Rank::Sample, raw.encoded()?))
+        });
         Ok(CheckpointFigure {
             shots: shots.collect::<Result<_>>()?,
             ..self.figure(identity, &judged.frame)
@@ -302,7 +322,7 @@ impl BlockShots {
     }
 }
 
-/// How bad a frame is for an algorithm; absent without truth.
+/// Missed and wrong cells and the largest error of an algorithm; absent without truth.
 fn badness(scored: &JudgedEstimate, rule: CellRule) -> Option<Badness> {
     let cells = scored.cells.as_ref()?;
     let errors = cells.iter().zip(scored.estimate.grid.iter());
@@ -381,21 +401,21 @@ pub(crate) fn frame_shot(
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
-    raw_shot(identity, judged, scored, left_image(&judged.frame)?).encoded()
+    raw_shot(identity, judged, scored, SharedPictures::new(judged)?).encoded()
 }
 
-/// [`frame_shot`] with the left image, encoded.
+/// [`frame_shot`] before its disparities are encoded.
 fn raw_shot(
     identity: &RowIdentity,
     judged: &Judged,
     scored: &JudgedEstimate,
-    left: Vec<u8>,
+    shared: SharedPictures,
 ) -> RawShot {
+    let SharedPictures { left, end_px } = shared;
     let (frame, estimate) = (&judged.frame, &scored.estimate);
     let size = frame.pair.size();
     let nearness = Nearness::for_frame(frame);
     let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
-    let end_px = color_end(judged);
     let preview =
         |plane: &Plane<f32>| overlay::disparities(plane, end_px).at_most(MAX_WIDTH, NO_DISPARITY);
     let (map, truth) = (&estimate.disparity, frame.truth.as_ref());

@@ -161,7 +161,7 @@ pub(crate) fn report_clap(error: &Error, program: &Command) -> ExitCode {
     ExitCode::from(error.exit_code() as u8)
 }
 
-/// What an unknown command or option stands for: in other programs, or below its command.
+/// The cure for an unknown command or option: its name here, or the command below that one.
 fn similar(error: &Error, program: &Command) -> Option<String> {
     let context = |kind| error.get(kind).map(ToString::to_string);
     if let Some(option) = context(ContextKind::InvalidArg) {

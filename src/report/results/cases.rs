@@ -37,7 +37,8 @@ impl Results {
         };
         let all: Vec<_> = self.recordings.iter().collect();
         let cases = grouped(&all, |own| &own.run, case);
-        self.table_of(metric, ("Recordings", "recording"), cases)
+        let title = format!("Recordings: {}, %", metric.words);
+        self.table_by_case(metric, title, "recording", cases)
     }
 
     /// The metric of the answer per scene, or the outcome of each drive; first the case in which
@@ -51,11 +52,12 @@ impl Results {
             let metric = *answer_metrics(self.kind()).first()?;
             (metric, scenes(metric, rows))
         };
-        let heads = match is_driven {
-            true => ("Drives", "course"),
-            false => ("Scenes", "scene"),
+        let (title, head) = if is_driven {
+            ("Outcome of each drive".to_owned(), "course")
+        } else {
+            (format!("Scenes: {}, %", metric.words), "scene")
         };
-        let table = self.table_of(metric, heads, cases)?;
+        let table = self.table_by_case(metric, title, head, cases)?;
         let meanings: &[&str] = &[
             "✓: the goal was reached without a collision and without help",
             "stuck: the robot got stuck and was set back on the route",
@@ -64,12 +66,12 @@ impl Results {
         Some(table.with_notes(if is_driven { meanings } else { &[] }))
     }
 
-    /// A row per case, the worst of the first candidate first; none for a single case. `heads`: the
-    /// word for the cases, and for one.
-    fn table_of(
+    /// A row per case, the worst of the first candidate first; none for a single case.
+    fn table_by_case(
         &self,
         metric: &Metric,
-        heads: (&str, &str),
+        title: String,
+        head: &str,
         mut cases: Vec<Case>,
     ) -> Option<Table> {
         let ranked = self.ranked_algorithms();
@@ -78,12 +80,8 @@ impl Results {
         let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, value(b), value(a)));
-        let title = match heads.0 {
-            "Drives" => "Outcome of each drive".to_owned(),
-            word => format!("{word}: {}, %", metric.words),
-        };
         let labels = || ranked.iter().map(|a| a.algorithm.as_str());
-        let mut table = Table::new(title, heads.1).with_columns(labels());
+        let mut table = Table::new(title, head).with_columns(labels());
         for case in cases.iter().take(MAX_CASES) {
             let words = |label| case.outcomes.get(label).map_or(NONE, |(_, words)| words);
             table.push(&case.name, labels().map(words).map(str::to_owned));

@@ -35,8 +35,8 @@ pub(crate) fn recordings(rows: &[Row]) -> Vec<RecordingSummary> {
         |row| (row.run.clone(), row.algorithm.clone()),
         summary,
     );
-    match all.windows(2).all(|two| two[0].run == two[1].run) {
-        true => Vec::new(),
-        false => all,
+    if all.windows(2).all(|two| two[0].run == two[1].run) {
+        return Vec::new();
     }
+    all
 }

@@ -12,7 +12,8 @@ const MAX_KEPT: usize = MAX_WORST + 3;
 /// No two of the frames of a recording are within this time.
 const MIN_APART_NS: u64 = 1_000_000_000;
 
-/// How bad a frame is: by its missed cells, then by its wrong ones, then by its largest error.
+/// The rank of a frame among the worst: by its missed cells, then by its wrong ones, then by its
+/// largest error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Badness {
     pub missed: u64,
@@ -50,7 +51,6 @@ pub enum WorstPicture {
 }
 
 /// The worst of frames that come one by one.
-#[derive(Clone)]
 pub struct WorstFrames<T>(Vec<WorstFrame<T>>);
 
 impl<T> Default for WorstFrames<T> {

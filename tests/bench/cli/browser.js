@@ -1,4 +1,4 @@
-// What a reader of a page meets, in the frame of a browser: FRAME is the page's window.
+// Faults of a page that its reader sees; `own` is its window.
 function text(own) {
   return own.textContent.trim().replace(/\s+/g, " ").slice(0, 60);
 }
@@ -22,7 +22,7 @@ function faults(own) {
   while (walker.nextNode()) {
     const node = walker.currentNode, parent = node.parentElement;
     if (!node.data.trim() || !isSeen(parent) || parent.closest("title, script, style, .store, summary ~ *:not(details[open] *)")) continue;
-    // What scrolls is cut on purpose.
+    // Scrolled texts are cut on purpose.
     if (parent.closest(".scroll, .pills, .chooser")) continue;
     const range = page.createRange();
     range.selectNodeContents(node);

@@ -62,6 +62,68 @@ fn inspect(folder: &Fixture, page: &str, (width, is_dark): (u32, bool), script: 
     found["value"].clone()
 }
 
+/// The links to the worst frames, and the titles of the bars, have the numbers of the rows.
+#[test]
+fn the_worst_frames_and_the_bars_are_those_of_the_rows() {
+    let run = Fixture::new();
+    run.record_short_arena("run.mcap", 40, 7);
+    run.run("score run.mcap --algo bm --algo v3 --rerun none -o r");
+    let page = run.text("r/index.html");
+    let column = |name: &str| run.column("r/rows.csv", name);
+    let (labels, missed, wrong) = (column("algorithm"), column("missed"), column("wrong"));
+    for label in ["bm", "v3"] {
+        let own = |cells: &[String]| -> Vec<u64> {
+            let own = labels.iter().zip(cells).filter(|(own, _)| *own == label);
+            own.map(|(_, cells)| cells.parse::<f64>().unwrap() as u64)
+                .collect()
+        };
+        let (missed, wrong) = (own(&missed), own(&wrong));
+        let (most_missed, most_wrong) = missed.iter().zip(&wrong).max().unwrap();
+        let count = |cells: u64, word: &str| (cells > 0).then(|| format!("{cells} {word}"));
+        let words = [count(*most_missed, "missed"), count(*most_wrong, "wrong")];
+        let words = words.into_iter().flatten().collect::<Vec<_>>().join(", ");
+        let lane = page
+            .split("lane-name")
+            .find(|lane| lane.contains(&format!("<b>{label}</b>")));
+        let lane = lane.unwrap();
+        let first = lane.split("</a>").next().unwrap();
+        assert!(first.ends_with(&format!("s: {words}")), "{words}: {first}");
+        let bars = lane
+            .split(&format!("title=\"{label}, "))
+            .skip(1)
+            .map(|bar| {
+                let number = |word: &str| -> u64 {
+                    let before = bar.split(word).next().unwrap().trim_end();
+                    before.rsplit([' ', ':']).next().unwrap().parse().unwrap()
+                };
+                [number(" wrong"), number(" missed")]
+            });
+        let sums = bars.fold([0, 0], |sum, bar| [sum[0] + bar[0], sum[1] + bar[1]]);
+        assert_eq!(
+            sums,
+            [wrong.iter().sum(), missed.iter().sum::<u64>()],
+            "{label}"
+        );
+    }
+}
+
+#[test]
+fn several_recordings_have_a_table_in_page_markdown_and_json() {
+    let run = Fixture::new();
+    run.record_short_arena("a.mcap", 12, 7);
+    run.record_short_arena("b.mcap", 12, 304);
+    run.transcript(
+        "score a.mcap b.mcap -q --algo bm --algo v3 --rerun none -o r
+        cat r/index.html => Recordings: | a bar per recording
+        cat r/summary.md => ## Recordings: 
+        cat r/summary.json => /recordings/# = 4 | /recordings/0/pairs > 0 \
+         | /recordings/0/right > 0
+        score a.mcap -q --algo v3 --rerun none -o one
+        cat one/index.html => !Recordings: | a bar per second
+        cat one/summary.json => absent /recordings",
+    );
+}
+
 #[test]
 fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
     if !has("chromium", &["--version"]) {
@@ -92,7 +154,8 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
         key(own, 'keyup', 't');
         const after = at('.blink');
         own.document.getElementById('wrong-only').click();
-        const left = at('[data-choose]:not([hidden])'), all = at('[data-choose]');
+        const left = at('[data-choose]:not([hidden])');
+        const wrong = at('.figure:has(.shot[data-wrong])');
         own.document.getElementById('wrong-only').click();
         own.document.querySelector('.lane-name a').click();
         const opened = own.location.hash.slice(1), shown = on(own);
@@ -108,12 +171,12 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
         slider.dispatchEvent(new own.Event('input'));
         const last = on(own);
         return { worst, bars, linked, moved: first !== second, address, back: back === first,
-          blinking, after, fewer: left <= all, opened: opened === shown, large, linkedTo,
+          blinking, after, filtered: left === wrong && left < at('.figure'), opened: opened === shown, large, linkedTo,
           slid: last !== frame.id };
         ",
     );
     let is = |name: &str| assert!(found[name] == true, "{name}: {found}");
-    ["moved", "back", "fewer", "opened", "linkedTo", "slid"]
+    ["moved", "back", "filtered", "opened", "linkedTo", "slid"]
         .iter()
         .for_each(|name| is(name));
     assert!(found["worst"].as_u64() > Some(3), "{found}");

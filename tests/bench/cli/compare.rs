@@ -447,6 +447,26 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
 }
 
 #[test]
+fn frames_of_another_programs_bag_are_decoded_again() {
+    let fixture = Fixture::new();
+    fixture.record("run.mcap", "arena --frames 90 --seed 7");
+    // The reports keep few frames, and none where the folder of the units is gone.
+    fixture.run("record run.mcap --ros2 -q -o bag.mcap");
+    fixture.run("score bag.mcap --reference sgm -q --algo v3 --rerun none -o 0");
+    fixture.run("score bag.mcap --reference sgm -q --algo v3:max_disparity=8 --rerun none -o 1");
+    for report in ["0", "1"] {
+        std::fs::remove_dir_all(fixture.path(&format!("{report}/units"))).unwrap();
+    }
+    fixture.transcript(
+        "compare 0 1 -q -o whole.html
+        cat whole.html => <image id= | data:image/jpeg | !no image:
+        mv bag.mcap elsewhere.mcap
+        compare 0 1 -q -o moved.html
+        cat moved.html => no image: bag.mcap is not there: it moved | !data:image/jpeg",
+    );
+}
+
+#[test]
 fn frames_of_an_own_recording_are_shown_as_long_as_it_is_there() {
     let fixture = Fixture::new();
     fixture.record("run.mcap", "arena --frames 60 --seed 7");

@@ -35,9 +35,9 @@ pub(crate) fn figure_view<'a>(
     let truth = shots.first().filter(|_| is_one_pair);
     let truth = truth.map(|(_, shot)| true_pictures(shot, images));
     let shots = shots.into_iter().map(|(rank, shot)| {
-        let mut view = shot_pictures(shot, &[], images);
+        let mut pictures = shot_pictures(shot, &[], images);
         if !is_one_pair {
-            view.extend(true_pictures(shot, images));
+            pictures.extend(true_pictures(shot, images));
         }
         let (rank, place) = match rank {
             Rank::Failed(place) => ("sample", Some(place)),
@@ -45,10 +45,9 @@ pub(crate) fn figure_view<'a>(
             Rank::Best => ("best", None),
             Rank::Sample => ("sample", None),
         };
-        let is_wrong = ["missed", "wrong"].map(|name| shot.row.metrics.get(name).unwrap_or(0.0));
-        let is_wrong = is_wrong != [0.0; 2] || shot.passed == Some(false);
+        let has = |name| shot.row.metrics.get(name).is_some_and(|cells| cells > 0.0);
+        let is_wrong = has("missed") || has("wrong") || shot.passed == Some(false);
         let words = shot_words(shot);
-        let pictures = view;
         context! { rank, place, is_wrong, moment => moment(&shot.row), pictures, ..words }
     });
     let shots: Vec<_> = shots.collect();
@@ -118,7 +117,7 @@ fn drawn<'a, const N: usize>(
     pictures.collect()
 }
 
-/// What stands below the pictures.
+/// The words below the pictures.
 fn shot_words(shot: &FrameShot) -> Value {
     let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     context! {

@@ -1,7 +1,7 @@
 //! The results over time: cells per second of a recording, or per recording of several.
 
 use crate::rows::records::Row;
-use crate::rows::samples::is_scene;
+use crate::rows::samples::{is_scene, run_key};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_core::counted;
@@ -28,10 +28,11 @@ pub struct Bin {
     pub unknown: f64,
     pub missed: f64,
     pub words: String,
-    /// The pairs, as numbers of their runs.
     #[serde(skip)]
-    pairs: Vec<(String, u64)>,
-    /// The figure of the worst frame that is shown.
+    pairs: u64,
+    /// The figure of the worst frame that is shown, and its rank.
+    #[serde(skip)]
+    worst: Option<(usize, usize)>,
     pub figure: Option<usize>,
 }
 
@@ -53,19 +54,33 @@ pub(crate) fn run_name(row: &Row) -> String {
 }
 
 impl Timeline {
-    /// The results of the rows without stress; empty without times or truth.
-    pub fn new(rows: &[Row]) -> Self {
+    /// The results of the rows without stress, with the frames that are shown; empty without times
+    /// or truth.
+    pub fn new(rows: &[Row], shown: &[ShownFrame]) -> Self {
         let scored = |row: &&Row| row.stress.is_none() && row.metrics.get("wrong").is_some();
         let rows: Vec<_> = rows.iter().filter(scored).collect();
         if rows.is_empty() || rows.iter().any(|row| is_scene(row)) {
             return Self::default();
         }
-        let mut runs: Vec<String> = Vec::new();
-        for name in rows.iter().map(|row| run_name(row)) {
-            if runs.last() != Some(&name) && !runs.contains(&name) {
-                runs.push(name);
-            }
+        let (mut runs, mut places) = (Vec::new(), BTreeMap::new());
+        for row in &rows {
+            places.entry(run_key(row)).or_insert_with(|| {
+                runs.push(run_name(row));
+                runs.len() - 1
+            });
         }
+        let mut frames: BTreeMap<u64, Vec<&ShownFrame>> = BTreeMap::new();
+        for frame in shown {
+            frames.entry(frame.sequence).or_default().push(frame);
+        }
+        let worst = |row: &Row| {
+            let own = frames
+                .get(&row.sequence)?
+                .iter()
+                .filter(|frame| frame.algorithm == row.algorithm && frame.run == run_name(row));
+            own.map(|frame| (frame.rank.unwrap_or(usize::MAX), frame.figure))
+                .min()
+        };
         let stamps = || rows.iter().map(|row| row.stamp_ns);
         let first_ns = stamps().min().unwrap_or_default();
         let span_s = (stamps().max().unwrap_or_default() - first_ns) / 1_000_000_000 + 1;
@@ -73,12 +88,7 @@ impl Timeline {
         let together = (runs.len() as u64).div_ceil(MAX_BINS) as usize;
         let place = |row: &Row| match runs.len() {
             1 => ((row.stamp_ns - first_ns) / 1_000_000_000 / seconds) as usize,
-            _ => {
-                runs.iter()
-                    .position(|run| *run == run_name(row))
-                    .unwrap_or(0)
-                    / together
-            }
+            _ => places[&run_key(row)] / together,
         };
         let name = |bin: usize| match runs.len() {
             1 => format!("{} s", bin as u64 * seconds),
@@ -98,11 +108,13 @@ impl Timeline {
             bin.wrong += cells("wrong");
             bin.unknown += cells("unknown");
             bin.missed += cells("missed");
-            bin.pairs.push((run_name(row), row.sequence));
+            bin.pairs += 1;
+            bin.worst = bin.worst.into_iter().chain(worst(row)).min();
         }
         for (label, bins) in &mut lanes {
-            for (i, bin) in bins.iter_mut().enumerate() {
-                let pairs = counted(bin.pairs.len() as u64, "pair");
+            for (i, bin) in bins.iter_mut().enumerate().filter(|(_, bin)| bin.pairs > 0) {
+                bin.figure = bin.worst.map(|(_, figure)| figure);
+                let pairs = counted(bin.pairs, "pair");
                 let [right, wrong, unknown] = [bin.right, bin.wrong, bin.unknown];
                 bin.words = format!(
                     "{label}, {}: {right} right, {wrong} wrong, {unknown} unknown, {} missed, of \
@@ -123,28 +135,5 @@ impl Timeline {
             about,
             lanes,
         }
-    }
-
-    /// With the figure of the worst frame of each bin that has one.
-    #[must_use]
-    pub fn with_frames(mut self, frames: impl IntoIterator<Item = ShownFrame>) -> Self {
-        let places: BTreeMap<_, _> = frames
-            .into_iter()
-            .map(|own| {
-                (
-                    (own.algorithm, own.run, own.sequence),
-                    (own.rank.unwrap_or(usize::MAX), own.figure),
-                )
-            })
-            .collect();
-        for (label, bins) in &mut self.lanes {
-            for bin in bins {
-                let found = bin.pairs.iter().filter_map(|(run, sequence)| {
-                    places.get(&(label.clone(), run.clone(), *sequence))
-                });
-                bin.figure = found.min().map(|(_, figure)| *figure);
-            }
-        }
-        self
     }
 }

@@ -135,9 +135,10 @@ fn worst(page: &ReportPage) -> BTreeMap<&str, Vec<(usize, String)>> {
                     .into_iter()
                     .filter_map(|name| Some(format!("{} {name}", count(name)?)));
                 let words: Vec<_> = words.collect();
-                let words = match words.is_empty() {
-                    true => "nothing wrong".to_owned(),
-                    false => words.join(", "),
+                let words = if words.is_empty() {
+                    "nothing wrong".to_owned()
+                } else {
+                    words.join(", ")
                 };
                 let own = worst.entry(&shot.row.algorithm).or_default();
                 own.push((*rank, i, format!("{}: {words}", chips[i])));
