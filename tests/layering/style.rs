@@ -68,17 +68,17 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13285),
+    ("bench", 13296),
     ("c", 470),
     ("calibrate", 4981),
     ("cli", 10886),
     ("core", 19627),
-    ("files", 2534),
+    ("files", 2542),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 13413),
+    ("report", 13433),
     ("score", 8589),
     ("sim", 3534),
     ("thesis", 2664),

@@ -121,9 +121,16 @@ impl BlockShots {
             }
         }
         for (label, worst) in std::mem::take(&mut self.worst) {
+            let is_sample = |place: u64| {
+                let samples = self.samples.iter().map(|(own, _)| *own);
+                let mut all = samples.chain(self.scenes.iter().map(|(own, _)| *own));
+                all.any(|own| own == place)
+            };
             let own = pictures.entry(label).or_default();
             for frame in worst.finish() {
                 let picture = match frame.picture {
+                    // Samples are of all algorithms that are pictured.
+                    _ if is_sample(frame.place) => WorstPicture::Sample,
                     RawPicture::Scene(scene) => WorstPicture::Scene(scene),
                     RawPicture::Frame(figure, raw) => {
                         let shots = vec![(Rank::Sample, raw.encoded()?)];
@@ -179,12 +186,22 @@ impl BlockShots {
                 self.take_checkpoint(c, (place, frame), identity, judged, scored)?;
             }
         }
-        for scored in &shown {
-            self.take_worst(place, identity, judged, scored)?;
+        if self.checkpoints.is_empty() && !shown.is_empty() {
+            self.take_sample(place, identity, judged, &shown)?;
         }
-        if !self.checkpoints.is_empty() || shown.is_empty() {
-            return Ok(());
-        }
+        let mut worst = shown.iter();
+        worst.try_for_each(|scored| self.take_worst(place, identity, judged, scored))
+    }
+
+    /// Takes the frame if it is on the stride of those that are spread over a recording or a data
+    /// set.
+    fn take_sample(
+        &mut self,
+        place: u64,
+        identity: &RowIdentity,
+        judged: &Judged,
+        shown: &[&JudgedEstimate],
+    ) -> Result<()> {
         let is_recording = identity.run.is_some();
         let limit = if is_recording {
             MAX_SAMPLES
@@ -199,10 +216,11 @@ impl BlockShots {
         self.samples.retain(|(place, _)| is_on_stride(place));
         self.scenes.retain(|(place, _)| is_on_stride(place));
         if is_recording {
-            let sample = self.sample(identity, judged, &shown)?;
+            let shared = self.shared(place, judged)?;
+            let sample = self.sample(identity, judged, shown, &shared)?;
             self.samples.push((place, sample));
         } else if let Some(name) = &judged.frame.name {
-            let scene = scene(identity, name, judged, &shown)?;
+            let scene = scene(identity, name, judged, shown)?;
             self.scenes.push((place, scene));
         }
         Ok(())
@@ -265,7 +283,12 @@ impl BlockShots {
         let scene_name = frame.name.as_ref().filter(|_| identity.run.is_none());
         let picture = match scene_name {
             Some(name) => {
-                let scene = scene(identity, name, judged, &[scored])?;
+                let last = self.scenes.last().filter(|(own, _)| *own == place);
+                let mut scene = match last {
+                    Some((_, scene)) => scene.clone(),
+                    None => scene(identity, name, judged, &[scored])?,
+                };
+                scene.shots.retain(|own| own.row.algorithm == *label);
                 RawPicture::Scene(Box::new(scene))
             }
             None => {
@@ -309,8 +332,8 @@ impl BlockShots {
         identity: &RowIdentity,
         judged: &Judged,
         shown: &[&JudgedEstimate],
+        shared: &SharedPictures,
     ) -> Result<CheckpointFigure> {
-        let shared = SharedPictures::new(judged)?;
         let shots = shown.iter().map(|scored| {
             let raw = raw_shot(identity, judged, scored, shared.clone());
             Ok((Rank::Sample, raw.encoded()?))
@@ -335,25 +358,16 @@ fn badness(scored: &JudgedEstimate, rule: CellRule) -> Option<Badness> {
     })
 }
 
-/// The disparity at the end of the colours, pixels: the 99th percentile of the truth, else of all
-/// estimates of the frame.
+/// The disparity at the end of the colours, pixels.
 fn color_end(judged: &Judged) -> f32 {
-    let finite = |plane: &Plane<f32>| plane.pixels().filter(|px| px.is_finite()).collect();
-    let truth = judged.frame.truth.as_ref();
-    let mut values: Vec<f32> = truth.map_or_else(Vec::new, |truth| finite(&truth.disparity));
-    if values.is_empty() {
-        let maps = judged.estimates.iter();
-        let maps = maps.map(|scored| finite(scored.estimate.disparity.disparity()));
-        values = maps.collect::<Vec<Vec<_>>>().concat();
-    }
-    match values.len() {
-        0 => Nearness::for_frame(&judged.frame).near_px() as f32,
-        count => {
-            let rank = (count * 99).div_ceil(100) - 1;
-            let (_, end, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
-            end.max(1.0)
-        }
-    }
+    let truth = judged.frame.truth.as_ref().map(|truth| &truth.disparity);
+    let maps = judged.estimates.iter();
+    let maps: Vec<_> = maps
+        .map(|scored| scored.estimate.disparity.disparity())
+        .collect();
+    let end_px = truth.and_then(|truth| overlay::color_end(&[truth]));
+    let end_px = end_px.or_else(|| overlay::color_end(&maps));
+    end_px.unwrap_or_else(|| Nearness::for_frame(&judged.frame).near_px() as f32)
 }
 
 /// A scene with the results of the pictured algorithms.

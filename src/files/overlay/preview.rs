@@ -42,6 +42,17 @@ pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     }
 }
 
+/// The disparity at the end of the colours: the 99th percentile of the finite ones of these maps,
+/// but at least a pixel. `None` without any.
+pub fn color_end(maps: &[&Plane<f32>]) -> Option<f32> {
+    let rows = maps.iter().flat_map(|map| map.rows());
+    let finite = rows.flat_map(|row| row.iter().copied().filter(|px| px.is_finite()));
+    let mut values: Vec<f32> = finite.collect();
+    let rank = (values.len() * 99).div_ceil(100).checked_sub(1)?;
+    let (_, end_px, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
+    Some(end_px.max(1.0))
+}
+
 /// Viridis at `t` of 0..=1, linear between nine of its colours (S. van der Walt and N. Smith,
 /// matplotlib 1.5; the nine as in the R package viridisLite).
 pub fn viridis(t: f32) -> [u8; 3] {
@@ -99,5 +110,13 @@ mod tests {
         let mut map = DisparityMap::new(2, 1).unwrap();
         map.rows_mut().next().unwrap().accept(1, 99.0);
         assert_eq!(preview(&map, 64.0), [[0; 3], viridis(1.0)].concat());
+    }
+
+    #[test]
+    fn colours_end_at_the_99th_percentile() {
+        let ramp = Plane::from_fn(100, 2, |x, _| x as f32).unwrap();
+        let none = Plane::filled(9, 9, f32::INFINITY).unwrap();
+        assert_eq!(color_end(&[&ramp, &none]), Some(98.0));
+        assert_eq!((color_end(&[&none]), color_end(&[])), (None, None));
     }
 }

@@ -38,7 +38,7 @@ impl BlockPictures {
     fn figures(&self) -> impl Iterator<Item = &CheckpointFigure> {
         let worst = self.worst.iter().filter_map(|frame| match &frame.picture {
             WorstPicture::Frame(figure) => Some(&**figure),
-            WorstPicture::Scene(_) => None,
+            WorstPicture::Scene(_) | WorstPicture::Sample => None,
         });
         self.samples.iter().map(|(_, figure)| figure).chain(worst)
     }
@@ -46,9 +46,22 @@ impl BlockPictures {
     fn all_scenes(&self) -> impl Iterator<Item = &SceneFigure> {
         let worst = self.worst.iter().filter_map(|frame| match &frame.picture {
             WorstPicture::Scene(scene) => Some(&**scene),
-            WorstPicture::Frame(_) => None,
+            WorstPicture::Frame(_) | WorstPicture::Sample => None,
         });
         self.scenes.iter().map(|(_, scene)| scene).chain(worst)
+    }
+
+    /// The picture of one of the worst frames, wherever it is.
+    pub(super) fn worst_picture(&self, frame: &WorstFrame<WorstPicture>) -> Option<WorstPicture> {
+        let WorstPicture::Sample = frame.picture else {
+            return Some(frame.picture.clone());
+        };
+        let sample = self.samples.iter().find(|(place, _)| *place == frame.place);
+        let sample = sample.map(|(_, own)| WorstPicture::Frame(Box::new(own.clone())));
+        sample.or_else(|| {
+            let scene = self.scenes.iter().find(|(place, _)| *place == frame.place);
+            scene.map(|(_, own)| WorstPicture::Scene(Box::new(own.clone())))
+        })
     }
 
     /// The left image of the row's pair, if they show it: the file, and the size of the image.

@@ -164,17 +164,24 @@ impl ChosenPictures {
             let place = pairs.clone().position(|pair| pair.sequence == sequence)?;
             Some(first + place as u64)
         };
+        for frame in &pictures.worst {
+            let own = self.worst.entry(unit.label.clone()).or_default();
+            if !own.takes(&frame.badness) {
+                continue;
+            }
+            if let Some(picture) = pictures.worst_picture(frame) {
+                own.add(WorstFrame {
+                    picture,
+                    run,
+                    ..*frame
+                });
+            }
+        }
         for shot in pictures.checkpoints {
             if let Some(place) = place(shot.sequence) {
                 let key = (shot.checkpoint, shot.algorithm.clone());
                 let shots = self.shots.entry(key).or_default();
                 shots.push(((run, place), shot));
-            }
-        }
-        for frame in pictures.worst {
-            let own = self.worst.entry(unit.label.clone()).or_default();
-            if own.takes(&frame.badness) {
-                own.add(WorstFrame { run, ..frame });
             }
         }
         for (place, figure) in pictures.samples {
@@ -224,6 +231,8 @@ impl ChosenPictures {
                 match frame.picture {
                     WorstPicture::Frame(figure) => add_worst(&mut samples, place, *figure, rank),
                     WorstPicture::Scene(scene) => add_scene(&mut scenes, place, *scene),
+                    // The choice has the picture itself.
+                    WorstPicture::Sample => {}
                 }
             }
         }

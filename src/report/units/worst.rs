@@ -48,6 +48,8 @@ pub struct WorstFrame<T> {
 pub enum WorstPicture {
     Frame(Box<CheckpointFigure>),
     Scene(Box<SceneFigure>),
+    /// That of the frame or scene at its place, which the unit has besides.
+    Sample,
 }
 
 /// The worst of frames that come one by one.
