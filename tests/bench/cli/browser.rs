@@ -169,7 +169,8 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
         slider.dispatchEvent(new own.Event('input'));
         const last = on(own);
         return { worst, bars, linked, moved: first !== second, address, back: back === first,
-          blinking, after, filtered: left === wrong && wrong > 0, opened: opened === shown, large, linkedTo,
+          blinking, after, filtered: left === wrong && wrong > 0, opened: opened === shown,
+          large, linkedTo,
           slid: last !== frame.id };
         ",
     );
