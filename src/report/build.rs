@@ -1,7 +1,8 @@
 //! Builds a report from its folder: the tables of its units, then plots, page and summaries.
 
 use crate::pages::html::figures::{CheckpointFigure, ReportPage, SceneFigure, shown_frames};
-use crate::pages::html::timeline::Timeline;
+use crate::pages::html::replays::Replays;
+use crate::pages::html::timeline::{Timeline, WorstSecond};
 use crate::pages::maps::maps;
 use crate::pages::sweeps::sweeps;
 use crate::results::algorithm_parameters::write_algorithms;
@@ -116,11 +117,19 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     Ok(built)
 }
 
-/// The results of the checkpoints so far, as Markdown.
+/// The results of a report's units.
+pub struct ResultsSoFar {
+    /// The results of the checkpoints, as Markdown.
+    pub verdicts: String,
+    /// That of the best algorithm.
+    pub worst: Option<WorstSecond>,
+}
+
+/// The results of the units so far.
 ///
 /// # Errors
 /// The errors of [`build`].
-pub fn checkpoint_results(folder: &Path) -> Result<String> {
+pub fn results_so_far(folder: &Path) -> Result<ResultsSoFar> {
     let units = Units::for_report(folder);
     let (plan, sessions) = (units.plan()?, units.sessions()?);
     let runs = plan.runs.iter();
@@ -128,7 +137,29 @@ pub fn checkpoint_results(folder: &Path) -> Result<String> {
     let runs = runs.collect::<Result<Vec<_>>>()?;
     let tables = collect_tables(&plan, &runs, false, |_| Ok(()))?;
     let summary = Results::from_rows(&tables.rows, &tables.checkpoints, None);
-    Ok(summary.verdicts_markdown(&plan.manifest.scenario))
+    let replays = replays(&plan, &runs)?;
+    Ok(ResultsSoFar {
+        verdicts: summary.verdicts_markdown(&plan.manifest.scenario),
+        worst: (summary.cited()).and_then(|best| WorstSecond::new(&tables.rows, best, &replays)),
+    })
+}
+
+/// The recordings of the runs.
+fn replays(plan: &ReportPlan, runs: &[RunUnits]) -> Result<Replays> {
+    let source: SourceOptions = plan.manifest.part("source")?.unwrap_or_default();
+    let runs = runs.iter().filter(|own| own.run.stress.is_none());
+    let runs = runs.filter_map(|RunUnits { run, facts, .. }| {
+        // Those of the arena are recorded first.
+        let made = || Some(facts.files.first()?.path().display().to_string());
+        let record = facts.record.as_ref().map(|record| record.path.clone());
+        let file = record.or_else(made)?;
+        Some(((run.seed, run.run.clone()), (file, facts.start_ns?)))
+    });
+    Ok(Replays {
+        runs: runs.collect(),
+        options: source.words()?,
+        algorithms: plan.manifest.part("algorithms")?.unwrap_or_default(),
+    })
 }
 
 /// A report whose tables are written.
@@ -193,13 +224,15 @@ impl Report<'_> {
         let last_session = manifest.sessions.last().map(|last| last.began.clone());
         let candidates = summary.candidate_labels();
         let (figures, scenes) = self.pictures(&candidates)?;
+        let replays = replays(plan, self.runs)?;
         let page = ReportPage {
             gate: (gate.iter())
                 .map(|result| (result.state, result.to_string()))
                 .collect(),
             description: plan.manifest.part("description")?.unwrap_or_default(),
             times_ms: times_ms(&tables.rows),
-            timeline: Timeline::new(&tables.rows, &shown_frames(&figures)),
+            timeline: Timeline::new(&tables.rows, &shown_frames(&figures), &replays),
+            replays,
             cases: summary.case_table(&tables.rows, &tables.drives),
             summary: summary.clone(),
             sweeps: sweeps(&manifest.algorithms),

@@ -16,7 +16,9 @@ mod show;
 mod subjects;
 pub mod units;
 
-pub use crate::build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
+pub use crate::build::{
+    BuildOptions, BuiltReport, MANIFEST, REPORT, ResultsSoFar, build, results_so_far,
+};
 pub use crate::pages::{calibration, html};
 pub use crate::results::algorithm_parameters::write_algorithms;
 pub use crate::results::best::{Best, BestSetting, Certainty, Other, SweepChoice, Unfit};

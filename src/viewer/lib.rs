@@ -21,7 +21,7 @@
 //! ```
 //! Timelines: `pair`, the frame's number, and `time`, its stamp; during tuning also `change`, which
 //! counts the updates. Maps are logged for all frames, or for some ([`RerunDetail`]); between them
-//! they are cleared. `run/frames` lists those frames.
+//! they are cleared. `run/frames` lists those frames, and the worst second.
 
 mod blueprint;
 mod board;
@@ -55,7 +55,7 @@ use svl_bench::sink::{
 use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use svl_core::timing::Stage;
-use svl_files::overlay::{algorithm_colors, plot_color};
+use svl_files::overlay::{ColorEnd, algorithm_colors, plot_color};
 use svl_score::judge::{Checkpoint, Judged, METRICS, Metric};
 use target::Destination;
 
@@ -72,6 +72,8 @@ const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
 /// The maps that every algorithm has, and its cloud.
 const MAPS: [&str; 4] = ["disparity", "why", "depth", "points"];
+/// The first frames, which determine the end of the colours of disparities: a block of a report.
+const MAX_COLORED: u64 = 64;
 /// Stamps from here on (2001, in nanoseconds) are interpreted as Unix time, smaller ones as the
 /// time since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
@@ -131,12 +133,17 @@ struct RerunSink {
     stream: RecordingStream,
     target: Destination,
     algorithms: Vec<AlgorithmPath>,
+    /// The end of the colours of disparities, while the first frames determine it.
+    color_end: ColorEnd,
+    colored: u64,
     /// `None` before the layout was sent; then true if it has views of the truth.
     begun: Option<bool>,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
     last_pose: Option<Pose>,
     /// Start of the current run on the timelines.
     start: Moment,
+    /// Starts of all runs, by seed and recording.
+    starts: Vec<((Option<u64>, String), Moment)>,
     /// The last frame's position on them.
     last: Option<Moment>,
     detail: RerunDetail,
@@ -146,7 +153,7 @@ struct RerunSink {
     has_maps: bool,
     /// Number and name of the run's checkpoints.
     checkpoints: Vec<String>,
-    verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
+    verdicts: Option<Verdicts>,
     /// During tuning, number of updates shown.
     changes: Option<i64>,
 }
@@ -156,6 +163,16 @@ struct RerunSink {
 struct Moment {
     pair: u64,
     time_ns: u64,
+}
+
+impl Moment {
+    /// The pair of a run that starts here.
+    fn after(self, sequence: u64, stamp_ns: u64) -> Self {
+        Self {
+            pair: self.pair.saturating_add(sequence),
+            time_ns: self.time_ns.saturating_add(stamp_ns),
+        }
+    }
 }
 
 impl RerunSink {
@@ -179,10 +196,13 @@ impl RerunSink {
             stream,
             target,
             algorithms: info::algorithms(run.algorithms.iter().map(|(label, _)| label.clone())),
+            color_end: ColorEnd::default(),
+            colored: 0,
             begun: None,
             camera: None,
             last_pose: None,
             start: Moment::default(),
+            starts: Vec::new(),
             last: None,
             detail,
             frames: ListedFrames::default(),
@@ -312,6 +332,34 @@ impl RerunSink {
         }
     }
 
+    /// Counts the disparities of the truth, else of the estimates, of the first frames.
+    fn color(&mut self, judged: &Judged) -> Result<()> {
+        if self.colored >= MAX_COLORED {
+            return Ok(());
+        }
+        self.colored += 1;
+        match &judged.frame.truth {
+            Some(truth) => self.color_end.add(&truth.disparity),
+            None => (judged.estimates.iter())
+                .for_each(|scored| self.color_end.add(scored.estimate.disparity.disparity())),
+        }
+        // A viewer shows the first frame at once.
+        if self.colored == 1 || self.colored == MAX_COLORED {
+            self.log_colors()?;
+        }
+        Ok(())
+    }
+
+    /// Logs the colours of disparities of all frames.
+    fn log_colors(&self) -> Result<()> {
+        let Some(end_px) = self.color_end.end_px() else {
+            return Ok(());
+        };
+        let range = picture::disparity_range(end_px);
+        let mut paths = self.algorithms.iter().map(|own| own.path("disparity"));
+        paths.try_for_each(|path| self.log_static(&path, &range))
+    }
+
     /// Sets the time of what is logged next. `is_wall`: it has the stamps of a clock on the wall.
     fn set_time(&self, now: Moment, is_wall: bool) {
         let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
@@ -357,6 +405,8 @@ impl Sink for RerunSink {
             };
             self.last_pose = None;
         }
+        let run = (start.seed, start.judge.run.name.clone());
+        self.starts.push((run, self.start));
         Ok(())
     }
 
@@ -370,10 +420,7 @@ impl Sink for RerunSink {
             self.begin(judged, &scale)?;
             self.begun = Some(has_truth);
         }
-        let now = Moment {
-            pair: self.start.pair.saturating_add(frame.sequence),
-            time_ns: self.start.time_ns.saturating_add(frame.stamp_ns),
-        };
+        let now = self.start.after(frame.sequence, frame.stamp_ns);
         let before = self.last.replace(now);
         let is_first = before.is_none();
         // The existing content is kept while only an algorithm changes.
@@ -395,6 +442,7 @@ impl Sink for RerunSink {
             self.push_scene(frame, &scale)?;
             self.push_truth(judged, &scale)?;
         }
+        self.color(judged)?;
         for (i, algorithm) in self.algorithms.iter().enumerate() {
             let mut estimates = judged.estimates.iter();
             match estimates.find(|scored| scored.estimate.algorithm == algorithm.label) {
@@ -422,8 +470,15 @@ impl Sink for RerunSink {
     /// Waits until everything is written or sent. A file gets its index, for quick opening, when
     /// the sink is dropped.
     fn finish(mut self: Box<Self>) -> Result<()> {
-        if let Some(markdown) = self.verdicts.take().and_then(|markdown| markdown()) {
-            self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
+        if self.colored < MAX_COLORED {
+            self.log_colors()?;
+        }
+        if let Some(results) = self.verdicts.take().and_then(|read| read()) {
+            let verdicts = TextDocument::from_markdown(results.verdicts);
+            self.log_static("run/verdicts", &verdicts)?;
+            if let Some(worst) = results.worst {
+                self.push_worst(&worst)?;
+            }
         }
         self.flush()
     }

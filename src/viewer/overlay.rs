@@ -31,12 +31,13 @@ pub(crate) struct Overlay {
     pub distances: Points2D,
 }
 
-/// Most overlays side by side whose labels do not overlap.
+/// Limits of the overlays side by side and of their columns whose labels do not overlap.
 const MAX_LABELLED: usize = 4;
+const MAX_LABELLED_COLUMNS: usize = 6;
 
 impl Overlay {
     /// Overlay of `grid` on an image of `size` pixels, with distances as text unless there are too
-    /// many `views` for that.
+    /// many `views` or columns for that.
     pub(crate) fn new(grid: &DepthGrid, size: (usize, usize), scale: &Scale, views: usize) -> Self {
         let mut medians = Vec::new();
         let mut percentiles = Vec::new();
@@ -93,7 +94,9 @@ impl Overlay {
             percentiles: boxes(&percentiles, 0.6 * unit).with_draw_order(32.0),
             distances: Points2D::new(distances.iter().map(|(at, _)| *at))
                 .with_labels(distances.into_iter().map(|(_, label)| label))
-                .with_show_labels(views <= MAX_LABELLED)
+                .with_show_labels(
+                    views <= MAX_LABELLED && grid.shape().columns <= MAX_LABELLED_COLUMNS,
+                )
                 // The colour of the labels.
                 .with_colors([Rgba32::WHITE])
                 .with_radii([Radius::new_ui_points(0.0)])

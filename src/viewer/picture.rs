@@ -66,11 +66,15 @@ pub(crate) fn gray(image: &Gray) -> Image {
 }
 
 /// Disparities in pixels, blue (far) through green to red (near); invalid pixels are nearly black.
-pub(crate) fn disparity(map: &Plane<f32>, scale: &Scale) -> EncodedDepthImage {
-    let codes = disparity_codes(map);
-    // Ranges are in codes.
-    let range = [0.0, scale.nearness.near_px() * f64::from(CODES_PER_PX)];
-    coded(&codes, None, range, Colormap::Turbo).with_meter(CODES_PER_PX)
+/// [`disparity_range`] is logged besides.
+pub(crate) fn disparity(map: &Plane<f32>) -> EncodedDepthImage {
+    coded(&disparity_codes(map), None, Colormap::Turbo).with_meter(CODES_PER_PX)
+}
+
+/// The range of the colours of disparities that end at `end_px`, for all frames.
+pub(crate) fn disparity_range(end_px: f32) -> EncodedDepthImage {
+    let end = f64::from(end_px * CODES_PER_PX);
+    EncodedDepthImage::update_fields().with_depth_range([0.0, end])
 }
 
 /// Depths in metres, red (near) through yellow to blue (far).
@@ -80,13 +84,9 @@ pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthI
         a: (rig.focal_px() * rig.baseline_m()) as f32 * CODES_PER_PX,
         b: -rig.doffs_px() as f32 * CODES_PER_PX,
     };
-    coded(
-        &codes,
-        Some(inverse),
-        [0.0, scale.far_m],
-        Colormap::Spectral,
-    )
-    .with_meter(1.0)
+    coded(&codes, Some(inverse), Colormap::Spectral)
+        .with_depth_range([0.0, scale.far_m])
+        .with_meter(1.0)
 }
 
 /// Mask that blackens the pixels without a depth: Rerun paints them in the colour of 0, which is
@@ -114,7 +114,9 @@ pub(crate) fn points(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Result<Encod
 pub(crate) fn ssdpi(map: &Plane<u32>) -> EncodedDepthImage {
     let codes = ssdpi_codes(map);
     let range = SSDPI_RANGE.map(|end| end * f64::from(CODES_PER_LN));
-    coded(&codes, None, range, Colormap::Inferno).with_meter(CODES_PER_LN)
+    coded(&codes, None, Colormap::Inferno)
+        .with_depth_range(range)
+        .with_meter(CODES_PER_LN)
 }
 
 /// Reasons in their colours.
@@ -151,15 +153,9 @@ pub(crate) fn legend((width, height): (usize, usize)) -> Points2D {
         .with_radii([Radius::new_ui_points(4.0)])
 }
 
-fn coded(
-    codes: &Plane<u16>,
-    inverse: Option<InverseDepth>,
-    range: [f64; 2],
-    colors: Colormap,
-) -> EncodedDepthImage {
+fn coded(codes: &Plane<u16>, inverse: Option<InverseDepth>, colors: Colormap) -> EncodedDepthImage {
     EncodedDepthImage::new(files::encode_rvl(codes, inverse))
         .with_media_type(MediaType::RVL)
-        .with_depth_range(range)
         .with_colormap(colors)
 }
 

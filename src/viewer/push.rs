@@ -3,8 +3,9 @@
 use crate::info::AlgorithmPath;
 use crate::overlay::Overlay;
 use crate::scale::Scale;
-use crate::{CAMERA, IMAGE, MAPS, RerunSink, picture, world};
+use crate::{CAMERA, EPOCH_NS, IMAGE, MAPS, RerunSink, picture, world};
 use rerun::{AsComponents, Clear, Scalars, TextLog};
+use svl_bench::sink::WorstSecond;
 use svl_core::Result;
 use svl_core::stereo::{DepthGrid, DisparityMap, Frame, Plane};
 use svl_core::timing::Stage;
@@ -41,6 +42,20 @@ impl RerunSink {
             (None, None) => "all maps",
         };
         self.log("run/frames", &TextLog::new(words))
+    }
+
+    /// Lists the worst second at its worst pair, if this recording has it.
+    pub(crate) fn push_worst(&self, worst: &WorstSecond) -> Result<()> {
+        let run = (worst.seed, worst.run.clone().unwrap_or_default());
+        let Some((_, start)) = self.starts.iter().find(|(own, _)| *own == run) else {
+            return Ok(());
+        };
+        let now = start.after(worst.sequence, worst.stamp_ns);
+        self.set_time(now, worst.stamp_ns >= EPOCH_NS);
+        self.log(
+            "run/frames",
+            &TextLog::new(&*worst.words).with_level("WARN"),
+        )
     }
 
     /// Logs the truth: its depth grid and, if the frame has maps, its depths.
@@ -108,7 +123,7 @@ impl RerunSink {
     ) -> Result<()> {
         self.log(
             &algorithm.path("disparity"),
-            &picture::disparity(map.disparity(), scale),
+            &picture::disparity(map.disparity()),
         )?;
         self.log(&algorithm.path("why"), &picture::why(map.why())?)?;
         match map.ssdpi() {

@@ -10,8 +10,12 @@ use std::io::BufReader;
 use std::path::Path;
 use std::time::Duration;
 use svl::arena::WireObject;
+use svl::manifest::Manifest;
+use svl::overlay::CODES_PER_PX;
 use svl::score::Judge;
-use svl::sink::{RerunDetail, RerunTarget, ViewedScene, Viewer};
+use svl::sink::{
+    PassStart, RerunDetail, RerunTarget, ResultsSoFar, ViewedScene, Viewer, WorstSecond,
+};
 use svl::stereo::{
     Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry,
     Gray, GridShape, Plane, Pose, Reason, Rig, StereoPair, Truth,
@@ -116,7 +120,11 @@ fn write_frames(path: &Path, rig: bool, frames: u64, detail: RerunDetail) {
         wireframe: if rig { vec![edges] } else { Vec::new() },
     };
     let target = RerunTarget::File(path.to_owned());
-    let verdicts = Box::new(|| Some("# all passed".to_owned()));
+    let results = || ResultsSoFar {
+        verdicts: "# all passed".to_owned(),
+        worst: None,
+    };
+    let verdicts = Box::new(move || Some(results()));
     let mut sink = Rerun.run(target, detail, &run, Some(verdicts)).unwrap();
     let judge = Judge {
         grid: GridShape {
@@ -143,6 +151,8 @@ struct Content {
     timelines: BTreeMap<String, BTreeSet<String>>,
     /// On the timeline `pair`, the frames in which each component of an entity was logged.
     frames: BTreeMap<(String, String), BTreeSet<i64>>,
+    /// The last range of the colours of all frames, by entity.
+    ranges: BTreeMap<String, [f64; 2]>,
 }
 
 impl Content {
@@ -155,6 +165,15 @@ impl Content {
                     let chunk = Chunk::from_arrow_msg(&message).unwrap();
                     let entity = chunk.entity_path().to_string();
                     for component in chunk.components().keys() {
+                        if chunk.is_static()
+                            && component.as_str() == "EncodedDepthImage:depth_range"
+                        {
+                            let range = chunk.iter_slices::<[f64; 2]>(*component).last();
+                            let range = range.and_then(|own| own.first().copied());
+                            content
+                                .ranges
+                                .extend(range.map(|own| (entity.clone(), own)));
+                        }
                         let frames = chunk.iter_component_indices("pair".into(), *component);
                         let key = (entity.clone(), component.to_string());
                         let all = content.frames.entry(key).or_default();
@@ -289,6 +308,71 @@ fn light_has_images_and_numbers_of_all_frames_and_maps_of_some() {
     assert_eq!(frames("/truth/depth", "EncodedDepthImage:blob"), [0, 30]);
     // A list of them, in which a click leads to the frame.
     assert_eq!(frames("/run/frames", "TextLog:text"), [0, 30]);
+}
+
+/// The estimates are beyond the truth's 99th percentile.
+#[test]
+fn colours_of_disparities_end_with_the_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    write(&path, true);
+    let content = Content::read(&path);
+    let ends = content.ranges.iter().map(|(entity, [low, high])| {
+        assert_eq!(*low, 0.0, "{entity}");
+        (entity.as_str(), *high / f64::from(CODES_PER_PX))
+    });
+    let ends: Vec<_> = ends.collect();
+    let maps = ["bm-max_disparity-64", "v3", "v4"];
+    let expected = maps.map(|name| (format!("/algo/{name}/disparity"), 20.0));
+    let expected: Vec<_> = expected
+        .iter()
+        .map(|(own, end)| (own.as_str(), *end))
+        .collect();
+    assert_eq!(ends, expected);
+}
+
+#[test]
+fn the_worst_second_is_listed_at_its_pair_of_its_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let info = ViewedScene {
+        algorithms: vec![("v3".to_owned(), String::new())],
+        ..ViewedScene::default()
+    };
+    let worst = || WorstSecond {
+        seed: None,
+        run: Some("b".to_owned()),
+        sequence: 2,
+        stamp_ns: 80_000_000,
+        words: "worst second".to_owned(),
+    };
+    let results = Box::new(move || {
+        Some(ResultsSoFar {
+            verdicts: String::new(),
+            worst: Some(worst()),
+        })
+    });
+    let target = RerunTarget::File(path.clone());
+    let mut sink = Rerun
+        .run(target, RerunDetail::Light, &info, Some(results))
+        .unwrap();
+    for name in ["a", "b"] {
+        let mut judge = Judge::default();
+        judge.run.name = name.to_owned();
+        sink.begin_pass(&PassStart::new(&Manifest::default(), None, &judge))
+            .unwrap();
+        for sequence in 0..4 {
+            let frame = frame(sequence, true);
+            let estimates = vec![estimate("v3", frame.rig())];
+            sink.take(&judge.judge(frame, estimates)).unwrap();
+        }
+    }
+    sink.finish().unwrap();
+    let key = |component: &str| ("/run/frames".to_owned(), component.to_owned());
+    let frames = Content::read(&path).frames;
+    // The second run begins at 4.
+    assert_eq!(frames[&key("TextLog:level")], [6].into());
+    assert_eq!(frames[&key("TextLog:text")], [0, 4, 6].into());
 }
 
 #[test]

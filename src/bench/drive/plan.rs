@@ -313,13 +313,12 @@ impl DriveSink {
         };
         let shots = places.into_iter().filter_map(shot);
         Ok(CheckpointFigure {
-            checkpoint: None,
             title: format!("{name}, course {seed}"),
-            at_s: None,
             about: format!(
                 "The two seconds before it hit '{with}' at {speed:.2} m/s, its fastest collision."
             ),
             shots: shots.collect::<Result<_>>()?,
+            ..CheckpointFigure::default()
         })
     }
 }

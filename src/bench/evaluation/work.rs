@@ -389,6 +389,7 @@ impl EvaluationWork<'_> {
         pass.facts.pairs = std::mem::take(&mut *self.pairs.lock());
         pass.facts.losses = is_read.then_some(outcome.losses);
         pass.facts.latency.clone_from(&run.latency);
+        pass.facts.start_ns = Some(judge.run.start_ns);
         pass.facts.record = run.record;
         (pass.interrupted, pass.ran) = (outcome.interrupted, ran);
     }

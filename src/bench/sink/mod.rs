@@ -16,6 +16,8 @@ pub use pair_stream::PairStreamSink;
 pub(crate) use pictures::{frame_shot, left_image};
 pub use recording::RecordingSink;
 pub use running_table::RunningTable;
+pub use svl_report::ResultsSoFar;
+pub use svl_report::html::WorstSecond;
 pub(crate) use table::RowIdentity;
 pub use table::TableSink;
 pub use units::{SeenPairs, UnitSink};
@@ -29,7 +31,7 @@ use std::sync::Arc;
 use svl_core::Result;
 use svl_recording::{ResultOptions, Writer};
 use svl_report::units::{ReportPlan, Units};
-use svl_report::{Row, checkpoint_results};
+use svl_report::{Row, results_so_far};
 use svl_score::judge::{Judge, Judged};
 use svl_score::losses::Losses;
 use svl_score::manifest::Manifest;
@@ -215,7 +217,7 @@ impl Sinks {
             // It is finished after the units are sealed.
             let verdicts = request.report.map(|report| {
                 let folder = report.folder.to_owned();
-                Box::new(move || checkpoint_results(&folder).ok()) as Verdicts
+                Box::new(move || results_so_far(&folder).ok()) as Verdicts
             });
             let has_report = verdicts.is_some();
             let sink = own

@@ -2,17 +2,20 @@
 
 use super::PassStart;
 use super::table::RowIdentity;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, OnceLock};
 use svl_core::Result;
-use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
+use svl_core::stereo::{CellRule, Frame, Plane, Truth};
 use svl_files as files;
-use svl_files::overlay::{self, NO_DISPARITY, Nearness, Picture, errors};
+use svl_files::overlay::{self, Mark, NO_DISPARITY, Nearness, Picture, errors};
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
 use svl_report::units::{
     Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
 };
-use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
+use svl_score::judge::{
+    Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, TrueCells,
+};
 
 /// Largest width of a frame's picture, pixels.
 const MAX_WIDTH: usize = 640;
@@ -37,7 +40,7 @@ pub(super) struct BlockShots {
     /// The worst frames by algorithm.
     worst: BTreeMap<String, WorstFrames<RawPicture>>,
     /// What the shots of the frame at a place share.
-    shared: Option<(u64, SharedPictures)>,
+    shared: Option<(u64, Arc<SharedFrame>)>,
 }
 
 /// The picture of one of the worst frames: most are outdone soon.
@@ -46,43 +49,118 @@ enum RawPicture {
     Scene(Box<SceneFigure>),
 }
 
-/// What the shots of a frame share.
-#[derive(Clone)]
+/// What the shots of a frame share; its pictures are made at their first use.
+struct SharedFrame {
+    frame: Frame,
+    /// The truth's cells.
+    truth: Option<Vec<Mark>>,
+    /// The disparity at the end of the colours without a truth, pixels.
+    end_px: f32,
+    pictures: OnceLock<SharedPictures>,
+}
+
 struct SharedPictures {
-    /// The left image, encoded.
     left: Vec<u8>,
+    true_preview: Option<Vec<u8>>,
     /// The disparity at the end of the colours, pixels.
     end_px: f32,
 }
 
-impl SharedPictures {
-    fn new(judged: &Judged) -> Result<Self> {
-        Ok(Self {
-            left: left_image(&judged.frame)?,
-            end_px: color_end(judged),
-        })
+impl SharedFrame {
+    fn new(judged: &Judged) -> Self {
+        let (frame, nearness) = (&judged.frame, Nearness::for_frame(&judged.frame));
+        let marks = |truth: &TrueCells| overlay::marks(truth.grid(), frame.pair.size(), nearness);
+        Self {
+            truth: judged.true_cells.as_ref().map(marks),
+            end_px: match frame.truth {
+                Some(_) => nearness.near_px() as f32,
+                None => color_end(judged),
+            },
+            frame: frame.clone(),
+            pictures: OnceLock::new(),
+        }
+    }
+
+    fn pictures(&self) -> Result<&SharedPictures> {
+        if let Some(pictures) = self.pictures.get() {
+            return Ok(pictures);
+        }
+        let truth = self.frame.truth.as_ref().map(|truth| &truth.disparity);
+        let end_px = truth.and_then(|truth| overlay::color_end(&[truth]));
+        let end_px = end_px.unwrap_or(self.end_px);
+        let true_preview = truth.map(|truth| preview(truth, end_px, MAX_WIDTH));
+        let pictures = SharedPictures {
+            left: left_image(&self.frame)?,
+            true_preview: true_preview.transpose()?,
+            end_px,
+        };
+        Ok(self.pictures.get_or_init(|| pictures))
     }
 }
 
-/// A shot whose disparities are not encoded yet: most leading frames are outdone soon.
+/// A shot whose pictures are not made yet: most leading frames are outdone soon.
 #[derive(Clone)]
 struct RawShot {
     shot: FrameShot,
-    preview: Picture,
-    true_preview: Option<Picture>,
-    errors: Option<Picture>,
+    disparity: Plane<f32>,
+    shared: Arc<SharedFrame>,
 }
 
 impl RawShot {
+    fn new(
+        identity: &RowIdentity,
+        judged: &Judged,
+        scored: &JudgedEstimate,
+        shared: Arc<SharedFrame>,
+    ) -> Self {
+        let (size, nearness) = (judged.frame.pair.size(), Nearness::for_frame(&judged.frame));
+        let shot = FrameShot {
+            row: identity.row(judged, scored),
+            cells: identity.cells(judged, scored),
+            passed: None,
+            failures: Vec::new(),
+            findings: Vec::new(),
+            left: Vec::new(),
+            size,
+            estimate: overlay::marks(&scored.estimate.grid, size, nearness),
+            truth: shared.truth.clone(),
+            preview: None,
+            true_preview: None,
+            errors: None,
+        };
+        Self {
+            shot,
+            disparity: scored.estimate.disparity.disparity().clone(),
+            shared,
+        }
+    }
+
     fn encoded(&self) -> Result<FrameShot> {
-        let optional = |picture: &Option<Picture>| picture.as_ref().map(encoded).transpose();
+        let SharedPictures {
+            left,
+            true_preview,
+            end_px,
+        } = self.shared.pictures()?;
+        let truth = self.shared.frame.truth.as_ref();
+        let errors = truth.map(|truth| error_picture(&self.disparity, truth, MAX_WIDTH));
         Ok(FrameShot {
-            preview: Some(encoded(&self.preview)?),
-            true_preview: optional(&self.true_preview)?,
-            errors: optional(&self.errors)?,
+            left: left.clone(),
+            preview: Some(preview(&self.disparity, *end_px, MAX_WIDTH)?),
+            true_preview: true_preview.clone(),
+            errors: errors.transpose()?,
             ..self.shot.clone()
         })
     }
+}
+
+/// Disparities in colours that end at `end_px`, as a file.
+fn preview(plane: &Plane<f32>, end_px: f32, width: usize) -> Result<Vec<u8>> {
+    encoded(&overlay::disparities(plane, end_px).at_most(width, NO_DISPARITY))
+}
+
+/// The errors of disparities, as a file.
+fn error_picture(plane: &Plane<f32>, truth: &Truth, width: usize) -> Result<Vec<u8>> {
+    encoded(&errors::errors(plane, truth).at_most(width, errors::NO_TRUTH))
 }
 
 fn encoded(picture: &Picture) -> Result<Vec<u8>> {
@@ -183,7 +261,7 @@ impl BlockShots {
         let shown: Vec<_> = shown.collect();
         for scored in &shown {
             for &(c, frame) in &scored.checkpoints {
-                self.take_checkpoint(c, (place, frame), identity, judged, scored)?;
+                self.take_checkpoint(c, (place, frame), identity, judged, scored);
             }
         }
         if self.checkpoints.is_empty() && !shown.is_empty() {
@@ -216,7 +294,7 @@ impl BlockShots {
         self.samples.retain(|(place, _)| is_on_stride(place));
         self.scenes.retain(|(place, _)| is_on_stride(place));
         if is_recording {
-            let shared = self.shared(place, judged)?;
+            let shared = self.shared(place, judged);
             let sample = self.sample(identity, judged, shown, &shared)?;
             self.samples.push((place, sample));
         } else if let Some(name) = &judged.frame.name {
@@ -233,15 +311,15 @@ impl BlockShots {
         identity: &RowIdentity,
         judged: &Judged,
         scored: &JudgedEstimate,
-    ) -> Result<()> {
+    ) {
         let key = (c, scored.estimate.algorithm.clone());
         let tally = self.tallies.get(&key);
         let (best, worst) = tally.map_or((true, true), |tally| tally.would_lead(&frame));
         let mut shot = None;
         if best || worst {
-            let shared = self.shared(place, judged)?;
+            let shared = self.shared(place, judged);
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
-            let mut raw = raw_shot(identity, judged, scored, shared);
+            let mut raw = RawShot::new(identity, judged, scored, shared);
             raw.shot.passed = Some(frame.passed);
             raw.shot.failures = checkpoint.failures(grid, scored.cells.as_deref());
             raw.shot.findings = checkpoint.findings(grid, self.cells);
@@ -250,17 +328,13 @@ impl BlockShots {
         // The shot exists if and only if the frame leads, and only then it is asked for.
         let tally = self.tallies.entry(key).or_default();
         tally.add(frame, || shot.clone().expect("a leading frame"));
-        Ok(())
     }
 
-    /// What the shots of the frame at that place share, made once.
-    fn shared(&mut self, place: u64, judged: &Judged) -> Result<SharedPictures> {
-        let shared = match self.shared.take() {
-            Some((own, shared)) if own == place => shared,
-            _ => SharedPictures::new(judged)?,
-        };
-        self.shared = Some((place, shared.clone()));
-        Ok(shared)
+    /// What the shots of the frame at that place share.
+    fn shared(&mut self, place: u64, judged: &Judged) -> Arc<SharedFrame> {
+        let known = self.shared.take().filter(|(own, _)| *own == place);
+        let known = known.unwrap_or_else(|| (place, Arc::new(SharedFrame::new(judged))));
+        Arc::clone(&self.shared.insert(known).1)
     }
 
     /// Takes the frame if it is one of the worst of its algorithm so far.
@@ -292,9 +366,9 @@ impl BlockShots {
                 RawPicture::Scene(Box::new(scene))
             }
             None => {
-                let shared = self.shared(place, judged)?;
-                let raw = raw_shot(identity, judged, scored, shared);
-                RawPicture::Frame(self.figure(identity, frame), Box::new(raw))
+                let shared = self.shared(place, judged);
+                let raw = RawShot::new(identity, judged, scored, shared);
+                RawPicture::Frame(self.figure(identity, judged), Box::new(raw))
             }
         };
         let stamp_ns = scene_name.is_none().then_some(frame.stamp_ns);
@@ -313,16 +387,21 @@ impl BlockShots {
     }
 
     /// The heading of a frame, without its shots.
-    fn figure(&self, identity: &RowIdentity, frame: &Frame) -> CheckpointFigure {
+    fn figure(&self, identity: &RowIdentity, judged: &Judged) -> CheckpointFigure {
+        let frame = &judged.frame;
         let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
         let seed = identity.seed.map(|seed| format!("seed {seed}"));
         let run = identity.run.clone().or(seed).unwrap_or_default();
+        let shown = judged
+            .estimates
+            .iter()
+            .flat_map(|scored| &scored.checkpoints);
+        let shows: BTreeSet<_> = shown.map(|(i, _)| self.checkpoints[*i].number).collect();
         CheckpointFigure {
-            checkpoint: None,
             title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
+            shows: shows.into_iter().collect(),
             at_s: Some(seconds),
-            about: String::new(),
-            shots: Vec::new(),
+            ..CheckpointFigure::default()
         }
     }
 
@@ -332,15 +411,15 @@ impl BlockShots {
         identity: &RowIdentity,
         judged: &Judged,
         shown: &[&JudgedEstimate],
-        shared: &SharedPictures,
+        shared: &Arc<SharedFrame>,
     ) -> Result<CheckpointFigure> {
         let shots = shown.iter().map(|scored| {
-            let raw = raw_shot(identity, judged, scored, shared.clone());
+            let raw = RawShot::new(identity, judged, scored, Arc::clone(shared));
             Ok((Rank::Sample, raw.encoded()?))
         });
         Ok(CheckpointFigure {
             shots: shots.collect::<Result<_>>()?,
-            ..self.figure(identity, &judged.frame)
+            ..self.figure(identity, judged)
         })
     }
 }
@@ -379,19 +458,14 @@ fn scene(
 ) -> Result<SceneFigure> {
     let frame = &judged.frame;
     let max_px = color_end(judged);
-    let disparities = |plane: &Plane<f32>| {
-        let picture = overlay::disparities(plane, max_px);
-        encoded(&picture.at_most(MAX_SCENE_WIDTH, NO_DISPARITY))
-    };
+    let disparities = |plane: &Plane<f32>| preview(plane, max_px, MAX_SCENE_WIDTH);
     let truth = frame.truth.as_ref();
     let shot = |scored: &&JudgedEstimate| {
-        let map = &scored.estimate.disparity;
-        let errors = truth.map(|truth| {
-            encoded(&errors::errors(map, truth).at_most(MAX_SCENE_WIDTH, errors::NO_TRUTH))
-        });
+        let map = scored.estimate.disparity.disparity();
+        let errors = truth.map(|truth| error_picture(map, truth, MAX_SCENE_WIDTH));
         Ok(SceneResult {
             row: identity.row(judged, scored),
-            disparities: disparities(map.disparity())?,
+            disparities: disparities(map)?,
             errors: errors.transpose()?,
         })
     };
@@ -415,44 +489,8 @@ pub(crate) fn frame_shot(
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
-    raw_shot(identity, judged, scored, SharedPictures::new(judged)?).encoded()
-}
-
-/// [`frame_shot`] before its disparities are encoded.
-fn raw_shot(
-    identity: &RowIdentity,
-    judged: &Judged,
-    scored: &JudgedEstimate,
-    shared: SharedPictures,
-) -> RawShot {
-    let SharedPictures { left, end_px } = shared;
-    let (frame, estimate) = (&judged.frame, &scored.estimate);
-    let size = frame.pair.size();
-    let nearness = Nearness::for_frame(frame);
-    let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
-    let preview =
-        |plane: &Plane<f32>| overlay::disparities(plane, end_px).at_most(MAX_WIDTH, NO_DISPARITY);
-    let (map, truth) = (&estimate.disparity, frame.truth.as_ref());
-    let shot = FrameShot {
-        row: identity.row(judged, scored),
-        cells: identity.cells(judged, scored),
-        passed: None,
-        failures: Vec::new(),
-        findings: Vec::new(),
-        left,
-        size,
-        estimate: marks(&estimate.grid),
-        truth: judged.true_cells.as_ref().map(|truth| marks(truth.grid())),
-        preview: None,
-        true_preview: None,
-        errors: None,
-    };
-    RawShot {
-        shot,
-        preview: preview(map.disparity()),
-        true_preview: truth.map(|truth| preview(&truth.disparity)),
-        errors: truth.map(|truth| errors::errors(map, truth).at_most(MAX_WIDTH, errors::NO_TRUTH)),
-    }
+    let shared = Arc::new(SharedFrame::new(judged));
+    RawShot::new(identity, judged, scored, shared).encoded()
 }
 
 /// The left image as a page shows it.

@@ -1,7 +1,7 @@
 //! Content and target of a viewer: the bench describes it, the package `svl-viewer` shows it in
 //! Rerun.
 
-use super::Sink;
+use super::{ResultsSoFar, Sink};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_core::stereo::{Frame, GridShape, StereoPair};
@@ -68,8 +68,8 @@ pub trait Viewer: Sync {
     fn find_program(&self) -> Result<()>;
 }
 
-/// Makes the Markdown of the checkpoints' results when the run is over.
-pub type Verdicts = Box<dyn FnOnce() -> Option<String> + Send>;
+/// Reads the results when the run is over.
+pub type Verdicts = Box<dyn FnOnce() -> Option<ResultsSoFar> + Send>;
 
 /// Shows pairs with the corners of a board.
 pub trait BoardView {

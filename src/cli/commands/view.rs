@@ -1,12 +1,14 @@
 //! `svl view`: a recording, a run or the runs of a report in the Rerun viewer.
 
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
+use crate::cli::shared::terminal::print;
 use crate::cli::shared::viewer::viewer;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::Duration;
 use svl::recording::{Recording, Selection, only_file};
+use svl::report::results_so_far;
 use svl::sink::report_runs;
 
 /// Open a recording or a run in the Rerun viewer
@@ -27,6 +29,9 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let runs = report_runs(&args.file);
     if !runs.is_empty() {
+        if let Some(worst) = results_so_far(&args.file).ok().and_then(|own| own.worst) {
+            print(&format!("{}\n", worst.words))?;
+        }
         // The runs of all sessions: together they are one recording.
         let runs: Vec<_> = runs.iter().map(PathBuf::as_path).collect();
         return view(&runs, args.web);

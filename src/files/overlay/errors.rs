@@ -1,7 +1,7 @@
 //! Error maps: disparity errors as colours.
 
 use super::picture::Picture;
-use svl_core::stereo::{DisparityMap, Truth, Visibility};
+use svl_core::stereo::{Plane, Truth, Visibility};
 
 /// Error maps of KITTI 2015 (M. Menze and A. Geiger, Object Scene Flow for Autonomous Vehicles,
 /// CVPR 2015, development kit): upper end of each bin, and its colour, from blue, good, to red,
@@ -44,17 +44,16 @@ pub fn bin(error_size: f32) -> usize {
         .unwrap_or(BINS.len() - 1)
 }
 
-/// The errors of `map`, which has the size of `truth`: blue to red if both cameras see the pixel
+/// The errors of disparities, a plane of the size of `truth`: blue to red if both cameras see the pixel
 /// and its truth is known, grey if the algorithm has no disparity there; the darker greys are not
 /// scored.
-pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
+pub fn errors(disparities: &Plane<f32>, truth: &Truth) -> Picture {
     let neutrals = [SILENT, HIDDEN, UNKNOWN];
     let [silent, hidden, unknown] = [0, 1, 2].map(|i| (BINS.len() + i) as u8);
-    let estimates = map.disparity();
     let mut codes = truth.disparity.map(|_| unknown);
     for (y, truths) in truth.disparity.rows().enumerate() {
         let visible = truth.visibility.as_ref().map(|v| v.row(y));
-        for (x, (&estimate, &true_px)) in estimates.row(y).iter().zip(truths).enumerate() {
+        for (x, (&estimate, &true_px)) in disparities.row(y).iter().zip(truths).enumerate() {
             // The order matters: without truth nothing is scored, occluded or not.
             let code = match visible.map(|v| v[x]) {
                 _ if !true_px.is_finite() => unknown,
@@ -108,7 +107,8 @@ mod tests {
         let mut visibility = Plane::filled(6, 1, Visibility::Visible).unwrap();
         visibility.set(2, 0, Visibility::Occluded);
         visibility.set(5, 0, Visibility::Unknown);
-        let Picture { codes, palette } = errors(&map, &Truth::exact(truth, Some(visibility)));
+        let Picture { codes, palette } =
+            errors(map.disparity(), &Truth::exact(truth, Some(visibility)));
         let colors: Vec<_> = codes
             .pixels()
             .map(|code| palette[usize::from(code)])

@@ -23,4 +23,4 @@ pub use colors::{
 pub use corners::corners_drawn;
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use picture::Picture;
-pub use preview::{NO_DISPARITY, color_end, disparities, preview, viridis};
+pub use preview::{ColorEnd, NO_DISPARITY, color_end, disparities, preview, viridis};

@@ -1,7 +1,7 @@
 //! Previews of disparity maps in the colours of viridis.
 
 use super::picture::Picture;
-use svl_core::stereo::{DisparityMap, Plane};
+use svl_core::stereo::{DisparityMap, MAX_SIDE, Plane};
 
 /// The map as interleaved RGB in the colours of viridis, from dark blue at 0 to yellow at `max_px`
 /// and beyond; black if invalid.
@@ -42,15 +42,47 @@ pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     }
 }
 
-/// The disparity at the end of the colours: the 99th percentile of the finite ones of these maps,
-/// but at least a pixel. `None` without any.
+/// Bins of a pixel in the histogram of [`ColorEnd`].
+const BINS_PER_PX: f32 = 4.0;
+const MAX_BIN: f32 = BINS_PER_PX * MAX_SIDE as f32;
+
+/// The disparity at the end of the colours: the 99th percentile of the finite ones of some maps, to
+/// a quarter of a pixel, but at least a pixel.
+#[derive(Clone, Debug, Default)]
+pub struct ColorEnd {
+    histogram: Vec<u64>,
+}
+
+impl ColorEnd {
+    pub fn add(&mut self, map: &Plane<f32>) {
+        for row in map.rows() {
+            for px in row.iter().filter(|px| px.is_finite()) {
+                let bin = (px * BINS_PER_PX).min(MAX_BIN) as usize;
+                if bin >= self.histogram.len() {
+                    self.histogram.resize(bin + 1, 0);
+                }
+                self.histogram[bin] += 1;
+            }
+        }
+    }
+
+    /// `None` without a finite disparity.
+    pub fn end_px(&self) -> Option<f32> {
+        let rank = (self.histogram.iter().sum::<u64>() * 99).div_ceil(100);
+        let mut below = 0;
+        let bin = self.histogram.iter().position(|count| {
+            below += count;
+            rank > 0 && below >= rank
+        });
+        bin.map(|bin| (bin as f32 / BINS_PER_PX).max(1.0))
+    }
+}
+
+/// [`ColorEnd::end_px`] of these maps.
 pub fn color_end(maps: &[&Plane<f32>]) -> Option<f32> {
-    let rows = maps.iter().flat_map(|map| map.rows());
-    let finite = rows.flat_map(|row| row.iter().copied().filter(|px| px.is_finite()));
-    let mut values: Vec<f32> = finite.collect();
-    let rank = (values.len() * 99).div_ceil(100).checked_sub(1)?;
-    let (_, end_px, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
-    Some(end_px.max(1.0))
+    let mut end = ColorEnd::default();
+    maps.iter().for_each(|map| end.add(map));
+    end.end_px()
 }
 
 /// Viridis at `t` of 0..=1, linear between nine of its colours (S. van der Walt and N. Smith,

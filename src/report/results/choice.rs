@@ -247,6 +247,13 @@ impl Results {
         }
     }
 
+    /// The first algorithm that may be called best, else the first.
+    pub(crate) fn cited(&self) -> Option<&str> {
+        let ranked = self.ranked_algorithms();
+        let fit = ranked.iter().find(|own| self.may_be_best(own));
+        fit.or(ranked.first()).map(|own| own.algorithm.as_str())
+    }
+
     /// True for an algorithm that may be called best.
     pub(crate) fn may_be_best(&self, algorithm: &AlgorithmSummary) -> bool {
         !self.unfit.contains_key(&algorithm.algorithm)

@@ -19,6 +19,9 @@ pub struct RunFacts {
     pub source: String,
     /// Digest of the runs whose pairs were registered before, which it has no copies of.
     pub after: String,
+    /// Stamp of the first pair of its source; absent unless it was read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_ns: Option<u64>,
     /// The pairs, in their order.
     pub pairs: Vec<PairFacts>,
     /// All that is in no pair; none unless the run was read to its end.

@@ -215,9 +215,9 @@ impl ChosenPictures {
             Ok(CheckpointFigure {
                 checkpoint: Some(checkpoint.number),
                 title: format!("{} {}", checkpoint.number, checkpoint.name),
-                at_s: None,
                 about: checkpoint.description,
                 shots,
+                ..CheckpointFigure::default()
             })
         };
         let figures = checkpoints.into_iter().map(figure);

@@ -304,6 +304,44 @@ impl SourceOptions {
         Ok(self.given()?.keys().cloned().collect())
     }
 
+    /// The options for the pairs of one recording, as words of a command line; without the range.
+    ///
+    /// # Errors
+    /// The errors of [`SourceOptions::with`].
+    pub fn words(&self) -> Result<Vec<String>> {
+        const OTHERS: [&str; 9] = [
+            "files",
+            "data",
+            "scenes",
+            "seeds",
+            "every",
+            "from_s",
+            "to_s",
+            "allow_loss",
+            "truth_skew_ms",
+        ];
+        let mut given = self.given()?;
+        given.retain(|key, _| !OTHERS.contains(&key));
+        let texts = |value: toml::Value| match value {
+            toml::Value::String(text) => vec![text],
+            toml::Value::Array(all) if all.iter().all(toml::Value::is_str) => {
+                let texts = all.iter().filter_map(toml::Value::as_str);
+                texts.map(str::to_owned).collect()
+            }
+            // Four numbers.
+            toml::Value::Array(all) => {
+                let all = all.iter().map(ToString::to_string);
+                vec![all.collect::<Vec<_>>().join(",")]
+            }
+            other => vec![other.to_string()],
+        };
+        let words = given.into_iter().flat_map(|(key, value)| {
+            let word = move |text| format!("{}={text}", flag(&key));
+            texts(value).into_iter().map(word)
+        });
+        Ok(words.collect())
+    }
+
     /// The seeds of the arena [default: 1].
     pub fn seeds(&self) -> Vec<u64> {
         let seeds = self.seeds.as_ref().map(SeedList::seeds);

@@ -122,6 +122,96 @@ fn several_recordings_have_a_table_in_page_markdown_and_json() {
     );
 }
 
+/// A bar without a stored frame has numbers and a command; a frame has one, too, and the command
+/// replays that pair.
+#[test]
+fn bars_and_frames_have_commands_that_replay_them() {
+    let run = Fixture::new();
+    run.record_short_arena("my run.mcap", 40, 7);
+    run.run(
+        "score 'my run.mcap' --from 1 --algo bm --algo now=v3:max_disparity=48 --rerun none -o r",
+    );
+    let page = run.text("r/index.html");
+    let commands = |attribute: &str| -> Vec<String> {
+        let all = page.split(&format!("{attribute}=\"")).skip(1);
+        let all = all.map(|own| own.split('"').next().unwrap().replace("&#x27;", "'"));
+        all.collect()
+    };
+    let bars = commands("data-command");
+    assert!(
+        bars[0].contains("my run.mcap' --from 1 --to 2 --rerun spawn --algo "),
+        "{bars:?}"
+    );
+    let now = "--algo now=v3:max_disparity=48";
+    assert!(bars.iter().any(|own| own.ends_with(now)), "{bars:?}");
+    let frames = commands("data-replay");
+    let algorithms = commands("data-algo");
+    assert!(algorithms.iter().any(|own| own == now), "{algorithms:?}");
+    for (command, pairs) in [(&bars[0], 10), (&format!("{} {now}", frames[0]), 1)] {
+        let command = command.strip_prefix("svl ").unwrap();
+        let command = command.replace("--rerun spawn", "--rows rows.csv");
+        run.run(&command);
+        assert_eq!(run.column("rows.csv", "sequence").len(), pairs, "{command}");
+        std::fs::remove_file(run.path("rows.csv")).unwrap();
+    }
+}
+
+#[test]
+fn frames_are_filtered_by_run_and_checkpoint() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let run = Fixture::new();
+    run.record_short_arena("a.mcap", 20, 7);
+    run.record_short_arena("b.mcap", 20, 304);
+    let checkpoint = |number: u32, frames: [u32; 2]| {
+        format!(
+            "[[checkpoint]]\nnumber = {number}\nname = \"c{number}\"\ndescription = \"\"\n\
+             frames = {frames:?}\n[[checkpoint.cell]]\nat = [2, 1]\n"
+        )
+    };
+    let scenario = format!(
+        "name = \"two\"\nalgorithms = [\"bm\", \"v3\"]\n[source]\nkind = \"recording\"\n\
+         files = [\"a.mcap\", \"b.mcap\"]\n{}{}",
+        checkpoint(1, [0, 9]),
+        checkpoint(2, [10, 19])
+    );
+    run.write("two.toml", scenario);
+    run.run("score two.toml --rerun none -o r");
+    let found = inspect(
+        &run,
+        "r/index.html",
+        (1400, false),
+        "
+        const left = () => [...own.document.querySelectorAll('[data-choose]:not([hidden])')].map(
+          (button) => own.document.getElementById(button.dataset.choose));
+        const choose = (name, value) => {
+          const select = own.document.querySelector(`[data-filter=${name}]`);
+          select.value = value;
+          select.dispatchEvent(new own.Event('change', { bubbles: true }));
+        };
+        const all = left().length;
+        choose('checkpoint', '2');
+        const second = left().every((figure) =>
+          figure.id === 'cp2' || Number(figure.dataset.frame.split('/').pop()) >= 10);
+        const some = left().length;
+        choose('run', 'b.mcap');
+        const both = left().length;
+        const seen = [...own.document.querySelectorAll('.figure.on .shot:not(.off)')];
+        const ofRun = seen.every((shot) => shot.dataset.run === 'b.mcap');
+        const first = own.document.querySelector('.figure[data-frame^=\"a.mcap/\"]');
+        own.location.hash = '#' + first.dataset.frame;
+        own.dispatchEvent(new own.HashChangeEvent('hashchange'));
+        return { fewer: all > some && some >= both && both > 0, second, ofRun,
+          opened: on(own) === first.id && left().length === all };
+        ",
+    );
+    let all_hold = serde_json::json!({
+        "fewer": true, "second": true, "ofRun": true, "opened": true
+    });
+    assert_eq!(found, all_hold);
+}
+
 #[test]
 fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
     if !has("chromium", &["--version"]) {
@@ -141,8 +231,18 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
         (1400, false),
         "
         const at = (selector) => own.document.querySelectorAll(selector).length;
-        const worst = at('.lane-name a'), bars = at('.bin'), linked = at('a.bin');
+        const worst = at('.lane-name a'), bars = at('.bin');
+        const linked = at('a.bin:not([href=\"#bin\"])');
         const first = on(own);
+        const shell = (id) => {
+          const line = own.document.getElementById(id);
+          return line.hidden ? '' : line.textContent.trim().replace(/\\s+/g, ' ');
+        };
+        const command = shell('frame-command'), before = shell('bin');
+        const bare = own.document.querySelector('a.bin[href=\"#bin\"]');
+        bare.click();
+        const told = before === '' && shell('bin').startsWith(bare.title)
+          && shell('bin').includes(bare.dataset.command) && on(own) === first;
         key(own, 'keydown', 'ArrowRight');
         const second = on(own), address = own.location.hash;
         key(own, 'keydown', 'ArrowLeft');
@@ -170,14 +270,20 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
         const last = on(own);
         return { worst, bars, linked, moved: first !== second, address, back: back === first,
           blinking, after, filtered: left === wrong && wrong > 0, opened: opened === shown,
-          large, linkedTo,
+          large, linkedTo, told, command,
           slid: last !== frame.id };
         ",
     );
     let is = |name: &str| assert!(found[name] == true, "{name}: {found}");
-    ["moved", "back", "filtered", "opened", "linkedTo", "slid"]
-        .iter()
-        .for_each(|name| is(name));
+    [
+        "moved", "back", "filtered", "opened", "linkedTo", "slid", "told",
+    ]
+    .iter()
+    .for_each(|name| is(name));
+    let command = found["command"].as_str().unwrap();
+    let ends = ["--rerun spawn --algo", "copy"];
+    assert!(command.starts_with("svl replay "), "{found}");
+    assert!(ends.iter().all(|own| command.contains(own)), "{found}");
     assert!(found["worst"].as_u64() > Some(3), "{found}");
     assert!(
         found["bars"].as_u64() >= found["linked"].as_u64(),

@@ -36,6 +36,7 @@ fn page(summary: Results) -> ReportPage {
         figures: Vec::new(),
         scenes: Vec::new(),
         timeline: Default::default(),
+        replays: Default::default(),
         cases: None,
         maps: Vec::new(),
     }
@@ -53,9 +54,8 @@ fn figure(number: u32, title: &str, shots: Vec<(Rank, FrameShot)>) -> Checkpoint
     CheckpointFigure {
         checkpoint: Some(number),
         title: title.into(),
-        at_s: None,
-        about: String::new(),
         shots,
+        ..CheckpointFigure::default()
     }
 }
 

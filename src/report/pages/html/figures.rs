@@ -1,5 +1,6 @@
 //! The figures of a report's page: frames, scenes, checkpoints, sweeps.
 
+use super::replays::Replays;
 use super::stored;
 use super::timeline::{ShownFrame, Timeline, run_name};
 use crate::results::gate::GateState;
@@ -30,6 +31,8 @@ pub struct ReportPage {
     pub scenes: Vec<SceneFigure>,
     /// The results over time.
     pub timeline: Timeline,
+    /// The recordings, for commands that show their frames.
+    pub replays: Replays,
     /// The results per scene or course.
     pub cases: Option<Table>,
     /// Courses that algorithms drove through.
@@ -74,11 +77,14 @@ pub struct ParameterSweep {
 }
 
 /// A row of shots under one heading.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub struct CheckpointFigure {
     /// Number of the checkpoint; absent without one.
     pub checkpoint: Option<u32>,
     pub title: String,
+    /// Numbers of the checkpoints that the frame shows.
+    #[serde(default)]
+    pub shows: Vec<u32>,
     /// Time of the frame in its recording, s; absent of checkpoints and of drives.
     pub at_s: Option<f64>,
     /// Description, may be empty.

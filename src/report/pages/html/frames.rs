@@ -1,6 +1,7 @@
 //! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
 
 use super::figures::{CheckpointFigure, FrameShot, Rank};
+use super::replays::Replays;
 use super::timeline::run_name;
 use crate::rows::records::{CellRow, Row};
 use crate::show::page::parts::{MarkView, PageImages};
@@ -15,6 +16,7 @@ pub(crate) fn figure_view<'a>(
     figure: &'a CheckpointFigure,
     images: &mut PageImages<'a>,
     place: impl Fn(&str) -> usize,
+    replays: &Replays,
 ) -> Value {
     // Successive frames of one drive.
     let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
@@ -48,16 +50,28 @@ pub(crate) fn figure_view<'a>(
         let has = |name| shot.row.metrics.get(name).is_some_and(|cells| cells > 0.0);
         let is_wrong = has("missed") || has("wrong") || shot.passed == Some(false);
         let words = shot_words(shot);
-        context! { rank, place, is_wrong, moment => moment(&shot.row), pictures, ..words }
+        // That frame alone.
+        let at_s = replays
+            .at_s(&shot.row)
+            .map(|at_s| [at_s - 0.002, at_s + 0.002]);
+        let millis = |s: f64| (s * 1e3).round() / 1e3;
+        let replay = at_s.and_then(|span_s| replays.command(&shot.row, span_s.map(millis)));
+        context! {
+            rank, place, is_wrong, moment => moment(&shot.row), pictures, replay,
+            algo => replays.algorithm(&shot.row.algorithm), run => run_name(&shot.row), ..words
+        }
     });
     let shots: Vec<_> = shots.collect();
     let CheckpointFigure {
         checkpoint,
         title,
         about,
+        shows,
         ..
     } = figure;
-    context! { checkpoint, title, about, is_film, frame, truth => truth.unwrap_or_default(), shots }
+    let shows: Vec<_> = checkpoint.iter().chain(shows).collect();
+    let truth = truth.unwrap_or_default();
+    context! { checkpoint, title, about, is_film, frame, truth, shots, shows }
 }
 
 /// A frame for the template; without its cells it is not shown. `changed`: the columns and rows of

@@ -4,6 +4,7 @@ pub(crate) mod figures;
 pub(crate) mod frames;
 pub(crate) mod heat;
 pub(crate) mod plots;
+pub(crate) mod replays;
 pub(crate) mod report_page;
 pub(crate) mod scenes;
 pub(crate) mod shades;
@@ -14,3 +15,5 @@ pub(crate) mod view;
 pub use figures::{
     CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
 };
+pub use replays::Replays;
+pub use timeline::WorstSecond;

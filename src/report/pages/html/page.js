@@ -13,12 +13,34 @@ root.classList.add("js");
 const figures = all(".figure");
 const slider = document.getElementById("slider");
 const wrongOnly = document.getElementById("wrong-only");
+const selects = all("[data-filter]");
+const isPressed = (button) => button?.getAttribute("aria-pressed") === "true";
+const chosen = (name) => selects.find((select) => select.dataset.filter === name)?.value;
 
-// The figures that the filter leaves.
+// True for a shot of an algorithm and a run that are chosen.
+function isChosen({ dataset: { algorithm, run } }) {
+  return (labels.length === 0 || state.algorithms.has(algorithm)) && (!chosen("run") || run === chosen("run"));
+}
+
+// The figures that the filters leave.
 function shown() {
-  if (wrongOnly?.getAttribute("aria-pressed") !== "true") return figures;
-  const isOf = (shot) => labels.length === 0 || state.algorithms.has(shot.dataset.algorithm);
-  return figures.filter((figure) => all(".shot[data-wrong]", figure).some(isOf));
+  const checkpoint = chosen("checkpoint");
+  const isFiltered = isPressed(wrongOnly) || selects.some((select) => select.value);
+  return figures.filter(
+    (figure) =>
+      !isFiltered ||
+      ((!checkpoint || figure.dataset.checkpoint?.split(" ").includes(checkpoint)) &&
+        all(isPressed(wrongOnly) ? ".shot[data-wrong]" : ".shot", figure).some(isChosen)),
+  );
+}
+
+// Fills a line that shows a command; `words`: those before it.
+function tell(line, command, words) {
+  if (!line) return;
+  line.hidden = !command && !words;
+  line.querySelector("code").textContent = command ?? "";
+  line.querySelector(".copy").hidden = !command;
+  if (words) line.querySelector("span").textContent = words;
 }
 
 function show() {
@@ -26,13 +48,17 @@ function show() {
   if (list.length > 0 && !list.some((figure) => figure.id === state.figure)) state.figure = list[0].id;
   for (const figure of figures) figure.classList.toggle("on", figure.id === state.figure);
   for (const shot of all(".shot")) {
-    const { algorithm, rank } = shot.dataset;
-    const isOf = labels.length === 0 || state.algorithms.has(algorithm);
-    shot.classList.toggle("off", !isOf || Boolean(rank && rank !== state.rank));
+    const { rank } = shot.dataset;
+    shot.classList.toggle("off", !isChosen(shot) || Boolean(rank && rank !== state.rank));
   }
-  const press = (name, isPressed) => {
+  const seen = all(".figure.on .shot:not(.off)[data-replay]");
+  const { replay } = seen[0]?.dataset ?? {};
+  const same = seen.filter((shot) => shot.dataset.replay === replay);
+  const algorithms = new Set(same.map((shot) => shot.dataset.algo));
+  tell(document.getElementById("frame-command"), replay && [replay, ...algorithms].join(" "));
+  const press = (name, isOn) => {
     for (const button of all(`[data-${name}]`, chooser))
-      button.setAttribute("aria-pressed", isPressed(button.dataset[name]));
+      button.setAttribute("aria-pressed", isOn(button.dataset[name]));
   };
   press("choose", (id) => id === state.figure);
   press("toggle", (label) => state.algorithms.has(label));
@@ -128,8 +154,13 @@ function go(fragment, algorithm) {
     Object.assign(state, { figure, algorithms: new Set([algorithm]), rank: "worst" });
   } else if (target?.matches(".figure")) state.figure = target.id;
   target?.closest("details")?.setAttribute("open", "");
+  const isOpened = square || target?.matches(".figure");
+  if (isOpened && wrongOnly && !shown().some((figure) => figure.id === state.figure)) {
+    wrongOnly.setAttribute("aria-pressed", false);
+    for (const select of selects) select.value = "";
+  }
   if (chooser) show();
-  (square || target?.matches(".figure") ? document.getElementById("frames") : target)?.scrollIntoView();
+  (isOpened ? document.getElementById("frames") : target)?.scrollIntoView();
 }
 
 document.addEventListener("click", (event) => {
@@ -138,10 +169,14 @@ document.addEventListener("click", (event) => {
   const button = event.target.closest("button, a");
   if (!button) return;
   const { choose: id, toggle, rank, figure, algorithm, step: by } = button.dataset;
+  if (button.matches(".bin")) {
+    tell(document.getElementById("bin"), button.dataset.command, button.title);
+    if (button.hash === "#bin") return event.preventDefault();
+  }
   if (id) choose(id);
   else if (by) step(Number(by));
   else if (button.id === "wrong-only")
-    button.setAttribute("aria-pressed", button.getAttribute("aria-pressed") !== "true");
+    button.setAttribute("aria-pressed", !isPressed(button));
   else if (button.matches(".copy")) navigator.clipboard?.writeText(button.previousElementSibling.textContent);
   else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
   else if (rank) state.rank = rank;
@@ -160,12 +195,13 @@ document.addEventListener("click", (event) => {
   }
   if (chooser) show();
 });
+for (const select of selects) select.addEventListener("change", show);
 slider?.addEventListener("input", () => {
   const figure = shown()[slider.value];
   if (figure) choose(figure.id);
 });
 document.addEventListener("keydown", (event) => {
-  if (event.target.closest?.("input, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.target.closest?.("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === "t" && !event.repeat) blink(true);
   const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (chooser && by && !document.querySelector("dialog")) step(by);

@@ -1,5 +1,6 @@
 //! The results over time: cells per second of a recording, or per recording of several.
 
+use super::replays::Replays;
 use crate::rows::records::Row;
 use crate::rows::samples::{is_scene, run_key};
 use serde::Serialize;
@@ -28,12 +29,10 @@ pub struct Bin {
     pub unknown: f64,
     pub missed: f64,
     pub words: String,
-    #[serde(skip)]
-    pairs: u64,
-    /// The figure of the worst frame that is shown, and its rank.
-    #[serde(skip)]
-    worst: Option<(usize, usize)>,
+    /// The figure of the worst frame that is shown.
     pub figure: Option<usize>,
+    /// The command that shows the second of the worst pair.
+    pub command: Option<String>,
 }
 
 /// A frame that the page shows.
@@ -56,7 +55,7 @@ pub(crate) fn run_name(row: &Row) -> String {
 impl Timeline {
     /// The results of the rows without stress, with the frames that are shown; empty without times
     /// or truth.
-    pub fn new(rows: &[Row], shown: &[ShownFrame]) -> Self {
+    pub fn new(rows: &[Row], shown: &[ShownFrame], replays: &Replays) -> Self {
         let scored = |row: &&Row| row.stress.is_none() && row.metrics.get("wrong").is_some();
         let rows: Vec<_> = rows.iter().filter(scored).collect();
         if rows.is_empty() || rows.iter().any(|row| is_scene(row)) {
@@ -69,61 +68,76 @@ impl Timeline {
                 runs.len() - 1
             });
         }
-        let mut frames: BTreeMap<u64, Vec<&ShownFrame>> = BTreeMap::new();
-        for frame in shown {
-            frames.entry(frame.sequence).or_default().push(frame);
-        }
-        let worst = |row: &Row| {
-            let own = frames
-                .get(&row.sequence)?
-                .iter()
-                .filter(|frame| frame.algorithm == row.algorithm && frame.run == run_name(row));
+        let figure = |row: &Row| {
+            let is_own = |frame: &&ShownFrame| {
+                let same = frame.sequence == row.sequence && frame.algorithm == row.algorithm;
+                same && frame.run == run_name(row)
+            };
+            let own = shown.iter().filter(is_own);
             own.map(|frame| (frame.rank.unwrap_or(usize::MAX), frame.figure))
                 .min()
         };
         let stamps = || rows.iter().map(|row| row.stamp_ns);
         let first_ns = stamps().min().unwrap_or_default();
-        let span_s = (stamps().max().unwrap_or_default() - first_ns) / 1_000_000_000 + 1;
-        let seconds = span_s.div_ceil(MAX_BINS);
+        // A recording's own seconds, also if the first ones are omitted.
+        let whole = |row: &Row| match replays.at_s(row) {
+            Some(at_s) => at_s as u64,
+            None => (row.stamp_ns - first_ns) / 1_000_000_000,
+        };
+        let first_s = rows.iter().map(|row| whole(row)).min().unwrap_or_default();
+        let last_s = rows.iter().map(|row| whole(row)).max().unwrap_or_default();
+        let seconds = (last_s - first_s + 1).div_ceil(MAX_BINS);
         let together = (runs.len() as u64).div_ceil(MAX_BINS) as usize;
         let place = |row: &Row| match runs.len() {
-            1 => ((row.stamp_ns - first_ns) / 1_000_000_000 / seconds) as usize,
+            1 => ((whole(row) - first_s) / seconds) as usize,
             _ => places[&run_key(row)] / together,
         };
         let name = |bin: usize| match runs.len() {
-            1 => format!("{} s", bin as u64 * seconds),
+            1 => format!("{} s", first_s + bin as u64 * seconds),
             _ => runs[(bin * together).min(runs.len() - 1)].clone(),
         };
         let count = rows.iter().map(|row| place(row)).max().unwrap_or(0) + 1;
-        let mut lanes: Vec<(String, Vec<Bin>)> = Vec::new();
+        let mut lanes: Vec<(String, Vec<Vec<&Row>>)> = Vec::new();
         for row in &rows {
             let lane = lanes.iter().position(|(label, _)| *label == row.algorithm);
             let lane = lane.unwrap_or_else(|| {
-                lanes.push((row.algorithm.clone(), vec![Bin::default(); count]));
+                lanes.push((row.algorithm.clone(), vec![Vec::new(); count]));
                 lanes.len() - 1
             });
-            let bin = &mut lanes[lane].1[place(row)];
-            let cells = |name| row.metrics.get(name).unwrap_or(0.0);
-            bin.right += cells("right");
-            bin.wrong += cells("wrong");
-            bin.unknown += cells("unknown");
-            bin.missed += cells("missed");
-            bin.pairs += 1;
-            bin.worst = bin.worst.into_iter().chain(worst(row)).min();
+            lanes[lane].1[place(row)].push(row);
         }
-        for (label, bins) in &mut lanes {
-            for (i, bin) in bins.iter_mut().enumerate().filter(|(_, bin)| bin.pairs > 0) {
-                bin.figure = bin.worst.map(|(_, figure)| figure);
-                let pairs = counted(bin.pairs, "pair");
-                let [right, wrong, unknown] = [bin.right, bin.wrong, bin.unknown];
-                bin.words = format!(
-                    "{label}, {}: {right} right, {wrong} wrong, {unknown} unknown, {} missed, of \
-                     {pairs}",
-                    name(i),
-                    bin.missed
-                );
+        let bin = |label: &str, i: usize, rows: &[&Row]| {
+            let Some(worst) = worst_pair(rows) else {
+                return Bin::default();
+            };
+            let [right, wrong, unknown, missed] =
+                ["right", "wrong", "unknown", "missed"].map(|name| sum(rows, name));
+            let from_s = whole(worst) as f64;
+            let command = replays.command(worst, [from_s, from_s + 1.0]);
+            let command = command.zip(replays.algorithm(label));
+            let (name, pairs) = (name(i), counted(rows.len() as u64, "pair"));
+            Bin {
+                words: format!(
+                    "{label}, {name}: {right} right, {wrong} wrong, {unknown} unknown, {missed} \
+                     missed, of {pairs}"
+                ),
+                figure: rows
+                    .iter()
+                    .filter_map(|row| figure(row))
+                    .min()
+                    .map(|own| own.1),
+                command: command.map(|(command, algorithm)| format!("{command} {algorithm}")),
+                right,
+                wrong,
+                unknown,
+                missed,
             }
-        }
+        };
+        let lane = |(label, bins): (String, Vec<Vec<&Row>>)| {
+            let bins = bins.iter().enumerate();
+            let bins = bins.map(|(i, rows)| bin(&label, i, rows)).collect();
+            (label, bins)
+        };
         let about = match (runs.len(), seconds, together) {
             (1, 1, _) => "a bar per second".to_owned(),
             (1, seconds, _) => format!("a bar per {seconds} s"),
@@ -133,7 +147,62 @@ impl Timeline {
         Self {
             ends: [name(0), name(count - 1)],
             about,
-            lanes,
+            lanes: lanes.into_iter().map(lane).collect(),
         }
     }
+}
+
+/// The second in which an algorithm misses the most cells, then has the most wrong ones.
+pub struct WorstSecond {
+    pub seed: Option<u64>,
+    pub run: Option<String>,
+    /// The worst pair in it.
+    pub sequence: u64,
+    pub stamp_ns: u64,
+    pub words: String,
+}
+
+impl WorstSecond {
+    /// That of the rows of an algorithm without stress; absent without times or truth.
+    pub(crate) fn new(rows: &[Row], label: &str, replays: &Replays) -> Option<Self> {
+        let mut seconds: BTreeMap<_, Vec<&Row>> = BTreeMap::new();
+        for row in rows
+            .iter()
+            .filter(|row| row.algorithm == label && !is_scene(row))
+        {
+            if row.stress.is_none() && row.metrics.get("wrong").is_some() {
+                let second = replays.at_s(row).map(|at_s| at_s as u64);
+                let second = second.unwrap_or(row.stamp_ns / 1_000_000_000);
+                seconds.entry((run_key(row), second)).or_default().push(row);
+            }
+        }
+        let sums = |rows: &[&Row]| ["missed", "wrong"].map(|name| sum(rows, name));
+        let seconds = seconds.into_values();
+        let worst = seconds.reduce(|a, b| if sums(&b) > sums(&a) { b } else { a })?;
+        let pair = worst_pair(&worst)?;
+        let at = replays.at_s(pair).map(|at_s| format!("{at_s:.1} s"));
+        let at = at.unwrap_or_else(|| format!("frame {}", pair.sequence));
+        let ([missed, wrong], run) = (sums(&worst), run_name(pair));
+        let run = pair.seed.map_or(run, |seed| format!("seed {seed}"));
+        Some(Self {
+            seed: pair.seed,
+            run: pair.run.clone(),
+            sequence: pair.sequence,
+            stamp_ns: pair.stamp_ns,
+            words: format!(
+                "worst second: {run} at {at} ({label}: {missed} cells missed, {wrong} wrong)"
+            ),
+        })
+    }
+}
+
+/// The pair with the most missed cells, then the most wrong ones: the first of equal ones.
+fn worst_pair<'a>(rows: &[&'a Row]) -> Option<&'a Row> {
+    let bad = |row: &Row| ["missed", "wrong"].map(|name| row.metrics.get(name).unwrap_or(0.0));
+    let rows = rows.iter().copied();
+    rows.reduce(|worst, row| if bad(row) > bad(worst) { row } else { worst })
+}
+
+fn sum(rows: &[&Row], metric: &str) -> f64 {
+    rows.iter().filter_map(|row| row.metrics.get(metric)).sum()
 }

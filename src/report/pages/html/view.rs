@@ -6,6 +6,7 @@ use super::heat::heat_map;
 use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
 use super::scenes::{error_key, scene_view};
 use super::shades::{parameter_shades, swept};
+use super::timeline::run_name;
 use crate::show::page::parts::{PageImages, css_color};
 use crate::show::table::model::{Table, TableCell, TableColumn};
 use minijinja::{Value, context};
@@ -26,7 +27,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let place = |label: &str| ranked.iter().position(|a| a.algorithm == label);
     let place = |label: &str| place(label).unwrap_or(ranked.len());
     let figures = page.figures.iter();
-    let figures = figures.map(|figure| figure_view(figure, &mut images, place));
+    let figures = figures.map(|figure| figure_view(figure, &mut images, place, &page.replays));
     let figures: Vec<_> = figures.collect();
     let scenes = scenes(page);
     let mut timeline = page.timeline.clone();
@@ -70,7 +71,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         finished_maps => maps(page, &colors, Some(false)), gate => gate.collect::<Vec<_>>(),
         entries => entries(page, &scenes), first => first_figure(page),
         grid => marks.map(|mark| (mark.column + 1, mark.row + 1)).max(),
-        is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
+        runs => runs(page), is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
         has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
         doubts => doubts.collect::<Vec<_>>(), warnings => warnings.collect::<Vec<_>>(),
         has_choice => page.figures.iter().any(has_choice), figures,
@@ -121,6 +122,12 @@ fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
     let all = |digits| figures.iter().map(|figure| chip(figure, digits)).collect();
     let is_clear = |chips: &Vec<String>| chips.iter().collect::<BTreeSet<_>>().len() == chips.len();
     (1..3).map(all).find(is_clear).unwrap_or_else(|| all(3))
+}
+
+/// The names of the runs with frames.
+fn runs(page: &ReportPage) -> BTreeSet<String> {
+    let shots = page.figures.iter().flat_map(|figure| &figure.shots);
+    shots.map(|(_, shot)| run_name(&shot.row)).collect()
 }
 
 /// Per algorithm the figures of its worst frames, the worst first, and their words.
@@ -210,13 +217,11 @@ fn overview(page: &ReportPage, table: &Table) -> Value {
     };
     let all = page.manifest.labels();
     let all = all.chain(summary.references.iter().map(|own| own.algorithm.as_str()));
-    let cited = ranked.iter().find(|a| summary.may_be_best(a));
-    let cited = cited.or(ranked.first());
     context! {
         algorithms => all.enumerate().map(view).collect::<BTreeMap<_, _>>(),
         checkpoints => summary.checkpoint_names(), about => about(page, labels.clone()),
         // The first one that may be called best.
-        cited => cited.map(|a| &a.algorithm),
+        cited => summary.cited(),
         near => summary.most_near(),
         pictured => labels.filter(|label| is_pictured(page, label)).collect::<Vec<_>>(),
         times => (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max)),
@@ -306,11 +311,9 @@ mod tests {
     #[test]
     fn chips_are_times_with_the_decimals_that_tell_them_apart() {
         let figure = |at_s| CheckpointFigure {
-            checkpoint: None,
             title: "v3, course 2".into(),
             at_s,
-            about: String::new(),
-            shots: Vec::new(),
+            ..CheckpointFigure::default()
         };
         let chips = |times: &[Option<f64>]| {
             let figures: Vec<_> = times.iter().copied().map(figure).collect();

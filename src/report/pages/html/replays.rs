@@ -1,0 +1,65 @@
+//! Commands that show moments of a report's recordings in Rerun.
+
+use crate::rows::records::Row;
+use crate::show::words::shell_word;
+use std::collections::BTreeMap;
+
+/// The recordings of a report, and the options and algorithms of their pairs, as written.
+#[derive(Default)]
+pub struct Replays {
+    /// Per seed and recording the file, and the stamp of its first pair.
+    pub runs: BTreeMap<(Option<u64>, Option<String>), (String, u64)>,
+    pub options: Vec<String>,
+    pub algorithms: Vec<String>,
+}
+
+impl Replays {
+    /// Seconds of a row's pair since the first pair of its recording.
+    pub(super) fn at_s(&self, row: &Row) -> Option<f64> {
+        let (_, start_ns) = self.runs.get(&(row.seed, row.run.clone()))?;
+        Some(row.stamp_ns.saturating_sub(*start_ns) as f64 / 1e9)
+    }
+
+    /// The command for the seconds of a row's recording, without algorithms.
+    pub(super) fn command(&self, row: &Row, [from_s, to_s]: [f64; 2]) -> Option<String> {
+        let (file, _) = self.runs.get(&(row.seed, row.run.clone()))?;
+        let (from_s, file) = (from_s.max(0.0), shell_word(file));
+        let options = self
+            .options
+            .iter()
+            .map(|word| format!(" {}", shell_word(word)));
+        let options: String = options.collect();
+        Some(format!(
+            "svl replay {file}{options} --from {from_s} --to {to_s} --rerun spawn"
+        ))
+    }
+
+    /// The option for an algorithm; absent for one behind a filter.
+    pub(super) fn algorithm(&self, label: &str) -> Option<String> {
+        let mut written = self.algorithms.iter();
+        let is_own = |own: &&String| {
+            let renamed = own.strip_prefix(label);
+            renamed.is_some_and(|rest| rest.is_empty() || rest.starts_with('='))
+        };
+        Some(format!("--algo {}", shell_word(written.find(is_own)?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn algorithms_are_named_as_they_were_written() {
+        let algorithms = ["v3", "v3:max_disparity=48", "net=exec:command=\"./n 1\""];
+        let replays = Replays {
+            algorithms: algorithms.map(str::to_owned).into(),
+            ..Replays::default()
+        };
+        let words = |label| replays.algorithm(label);
+        assert_eq!(words("v3").unwrap(), "--algo v3");
+        let net = "--algo 'net=exec:command=\"./n 1\"'";
+        assert_eq!(words("net").as_deref(), Some(net));
+        assert_eq!(words("v3+floor"), None);
+    }
+}
