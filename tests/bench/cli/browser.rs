@@ -122,6 +122,36 @@ fn several_recordings_have_a_table_in_page_markdown_and_json() {
     );
 }
 
+/// `svl view` prints the second of the best algorithm with the most missed, then wrong cells.
+#[test]
+fn the_worst_second_is_that_of_the_rows() {
+    let run = Fixture::new();
+    run.record_short_arena("a.mcap", 20, 7);
+    run.record_short_arena("b.mcap", 40, 304);
+    run.run("score a.mcap b.mcap --from 0.5 --algo v1 -o r");
+    let column = |name: &str| run.column("r/rows.csv", name);
+    let columns = ["run", "stamp_ns", "missed", "cells_wrong"].map(column);
+    let number = |column: usize, i: usize| columns[column][i].parse::<f64>().unwrap();
+    let mut seconds = std::collections::BTreeMap::new();
+    for (i, name) in columns[0].iter().enumerate() {
+        let sums: &mut [f64; 2] = seconds
+            .entry((name, number(1, i) as u64 / 1_000_000_000))
+            .or_default();
+        *sums = [sums[0] + number(2, i), sums[1] + number(3, i)];
+    }
+    let worst = seconds.iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
+    let ((name, second), [missed, wrong]) = worst.unwrap();
+    let shown = run.svl_with("view r", &[("PATH", "")]);
+    let line = shown.stdout.lines().next().unwrap();
+    let begins = format!("worst second: {name} at {second}.");
+    let ends = format!(" s (v1: {missed} cells missed, {wrong} wrong)");
+    assert!(
+        line.starts_with(&begins) && line.ends_with(&ends),
+        "{line}: {begins}{ends}"
+    );
+    assert!(*missed > 0.0, "{line}");
+}
+
 /// A bar without a stored frame has numbers and a command; a frame has one, too, and the command
 /// replays that pair.
 #[test]
@@ -133,8 +163,10 @@ fn bars_and_frames_have_commands_that_replay_them() {
     );
     let page = run.text("r/index.html");
     let commands = |attribute: &str| -> Vec<String> {
-        let all = page.split(&format!("{attribute}=\"")).skip(1);
-        let all = all.map(|own| own.split('"').next().unwrap().replace("&#x27;", "'"));
+        let start = format!("{attribute}=\"");
+        let all = page.split(&start).skip(1);
+        let all = all.map(|own| own.split('"').next().unwrap().to_owned());
+        let all = all.map(|own| own.replace("&#x27;", "'").replace("&#x2f;", "/"));
         all.collect()
     };
     let bars = commands("data-command");
@@ -164,17 +196,17 @@ fn frames_are_filtered_by_run_and_checkpoint() {
     let run = Fixture::new();
     run.record_short_arena("a.mcap", 20, 7);
     run.record_short_arena("b.mcap", 20, 304);
-    let checkpoint = |number: u32, frames: [u32; 2]| {
+    let checkpoint = |number: u32, file: &str, frames: [u32; 2]| {
         format!(
             "[[checkpoint]]\nnumber = {number}\nname = \"c{number}\"\ndescription = \"\"\n\
-             frames = {frames:?}\n[[checkpoint.cell]]\nat = [2, 1]\n"
+             file = \"{file}\"\nframes = {frames:?}\n[[checkpoint.cell]]\nat = [2, 1]\nfree = true\n"
         )
     };
     let scenario = format!(
         "name = \"two\"\nalgorithms = [\"bm\", \"v3\"]\n[source]\nkind = \"recording\"\n\
          files = [\"a.mcap\", \"b.mcap\"]\n{}{}",
-        checkpoint(1, [0, 9]),
-        checkpoint(2, [10, 19])
+        checkpoint(1, "a.mcap", [0, 9]),
+        checkpoint(2, "b.mcap", [10, 19])
     );
     run.write("two.toml", scenario);
     run.run("score two.toml --rerun none -o r");
@@ -193,16 +225,18 @@ fn frames_are_filtered_by_run_and_checkpoint() {
         const all = left().length;
         choose('checkpoint', '2');
         const second = left().every((figure) =>
-          figure.id === 'cp2' || Number(figure.dataset.frame.split('/').pop()) >= 10);
+          figure.id === 'cp2' || figure.dataset.frame.startsWith('b.mcap/') && Number(figure.dataset.frame.split('/').pop()) >= 10);
         const some = left().length;
         choose('run', 'b.mcap');
         const both = left().length;
+        choose('checkpoint', '');
+        const more = left().length;
         const seen = [...own.document.querySelectorAll('.figure.on .shot:not(.off)')];
-        const ofRun = seen.every((shot) => shot.dataset.run === 'b.mcap');
+        const ofRun = seen.length > 0 && seen.every((shot) => shot.dataset.run === 'b.mcap');
         const first = own.document.querySelector('.figure[data-frame^=\"a.mcap/\"]');
         own.location.hash = '#' + first.dataset.frame;
         own.dispatchEvent(new own.HashChangeEvent('hashchange'));
-        return { fewer: all > some && some >= both && both > 0, second, ofRun,
+        return { fewer: all > more && more > both && both === some && some > 1, second, ofRun,
           opened: on(own) === first.id && left().length === all };
         ",
     );
@@ -239,7 +273,9 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
           return line.hidden ? '' : line.textContent.trim().replace(/\\s+/g, ' ');
         };
         const command = shell('frame-command'), before = shell('bin');
-        const bare = own.document.querySelector('a.bin[href=\"#bin\"]');
+        // As one without a stored frame.
+        const bare = own.document.querySelector('a.bin');
+        bare.setAttribute('href', '#bin');
         bare.click();
         const told = before === '' && shell('bin').startsWith(bare.title)
           && shell('bin').includes(bare.dataset.command) && on(own) === first;
