@@ -149,7 +149,7 @@ fn replays(plan: &ReportPlan, runs: &[RunUnits]) -> Result<Replays> {
     let source: SourceOptions = plan.manifest.part("source")?.unwrap_or_default();
     let runs = runs.iter().filter(|own| own.run.stress.is_none());
     let runs = runs.filter_map(|RunUnits { run, facts, .. }| {
-        // Those of the arena are recorded first.
+        // The arena is recorded first.
         let made = || Some(facts.files.first()?.path().display().to_string());
         let record = facts.record.as_ref().map(|record| record.path.clone());
         let file = record.or_else(made)?;

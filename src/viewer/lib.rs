@@ -332,27 +332,22 @@ impl RerunSink {
         }
     }
 
-    /// Counts the disparities of the truth, else of the estimates, of the first frames.
-    fn color(&mut self, judged: &Judged) -> Result<()> {
-        if self.colored >= MAX_COLORED {
+    /// Logs the end of the colours of disparities in all frames, by the first ones: by their truth,
+    /// else by the estimates.
+    fn push_colors(&mut self, judged: &Judged) -> Result<()> {
+        self.colored += 1;
+        if self.colored > MAX_COLORED {
             return Ok(());
         }
-        self.colored += 1;
+        let maps = judged.estimates.iter();
+        let maps = maps.map(|scored| scored.estimate.disparity.disparity());
         match &judged.frame.truth {
             Some(truth) => self.color_end.add(&truth.disparity),
-            None => (judged.estimates.iter())
-                .for_each(|scored| self.color_end.add(scored.estimate.disparity.disparity())),
+            None => maps.for_each(|map| self.color_end.add(map)),
         }
         // A viewer shows the first frame at once.
-        if self.colored == 1 || self.colored == MAX_COLORED {
-            self.log_colors()?;
-        }
-        Ok(())
-    }
-
-    /// Logs the colours of disparities of all frames.
-    fn log_colors(&self) -> Result<()> {
-        let Some(end_px) = self.color_end.end_px() else {
+        let end_px = self.color_end.end_px();
+        let Some(end_px) = end_px.filter(|_| self.colored.is_power_of_two()) else {
             return Ok(());
         };
         let range = picture::disparity_range(end_px);
@@ -442,7 +437,7 @@ impl Sink for RerunSink {
             self.push_scene(frame, &scale)?;
             self.push_truth(judged, &scale)?;
         }
-        self.color(judged)?;
+        self.push_colors(judged)?;
         for (i, algorithm) in self.algorithms.iter().enumerate() {
             let mut estimates = judged.estimates.iter();
             match estimates.find(|scored| scored.estimate.algorithm == algorithm.label) {
@@ -470,9 +465,6 @@ impl Sink for RerunSink {
     /// Waits until everything is written or sent. A file gets its index, for quick opening, when
     /// the sink is dropped.
     fn finish(mut self: Box<Self>) -> Result<()> {
-        if self.colored < MAX_COLORED {
-            self.log_colors()?;
-        }
         if let Some(results) = self.verdicts.take().and_then(|read| read()) {
             let verdicts = TextDocument::from_markdown(results.verdicts);
             self.log_static("run/verdicts", &verdicts)?;

@@ -68,22 +68,22 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13296),
+    ("bench", 13330),
     ("c", 470),
     ("calibrate", 4981),
-    ("cli", 10886),
+    ("cli", 10891),
     ("core", 19627),
-    ("files", 2542),
+    ("files", 2566),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 13433),
-    ("score", 8589),
+    ("report", 13582),
+    ("score", 8611),
     ("sim", 3534),
     ("thesis", 2664),
     ("train", 3403),
-    ("viewer", 1733),
+    ("viewer", 1781),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

@@ -44,9 +44,9 @@ pub fn bin(error_size: f32) -> usize {
         .unwrap_or(BINS.len() - 1)
 }
 
-/// The errors of disparities, a plane of the size of `truth`: blue to red if both cameras see the pixel
-/// and its truth is known, grey if the algorithm has no disparity there; the darker greys are not
-/// scored.
+/// The errors of disparities, a plane of the size of `truth`: blue to red if both cameras see the
+/// pixel and its truth is known, grey if the algorithm has no disparity there; the darker greys are
+/// not scored.
 pub fn errors(disparities: &Plane<f32>, truth: &Truth) -> Picture {
     let neutrals = [SILENT, HIDDEN, UNKNOWN];
     let [silent, hidden, unknown] = [0, 1, 2].map(|i| (BINS.len() + i) as u8);

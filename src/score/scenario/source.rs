@@ -309,37 +309,26 @@ impl SourceOptions {
     /// # Errors
     /// The errors of [`SourceOptions::with`].
     pub fn words(&self) -> Result<Vec<String>> {
-        const OTHERS: [&str; 9] = [
-            "files",
-            "data",
-            "scenes",
-            "seeds",
-            "every",
-            "from_s",
-            "to_s",
-            "allow_loss",
-            "truth_skew_ms",
-        ];
-        let mut given = self.given()?;
-        given.retain(|key, _| !OTHERS.contains(&key));
-        let texts = |value: toml::Value| match value {
-            toml::Value::String(text) => vec![text],
-            toml::Value::Array(all) if all.iter().all(toml::Value::is_str) => {
-                let texts = all.iter().filter_map(toml::Value::as_str);
-                texts.map(str::to_owned).collect()
-            }
-            // Four numbers.
-            toml::Value::Array(all) => {
-                let all = all.iter().map(ToString::to_string);
-                vec![all.collect::<Vec<_>>().join(",")]
-            }
-            other => vec![other.to_string()],
+        const OTHERS: &str = "files data scenes seeds every from_s to_s allow_loss truth_skew_ms";
+        let text = |value: &toml::Value| {
+            let text = value.as_str().map(str::to_owned);
+            text.unwrap_or_else(|| value.to_string())
         };
-        let words = given.into_iter().flat_map(|(key, value)| {
-            let word = move |text| format!("{}={text}", flag(&key));
-            texts(value).into_iter().map(word)
-        });
-        Ok(words.collect())
+        let mut words = Vec::new();
+        for (key, value) in self.given()? {
+            let texts: Vec<_> = match value.as_array() {
+                Some(all) if key == "crop" => {
+                    vec![all.iter().map(text).collect::<Vec<_>>().join(",")]
+                }
+                Some(all) => all.iter().map(text).collect(),
+                None => vec![text(&value)],
+            };
+            let texts = texts
+                .iter()
+                .filter(|_| !OTHERS.split(' ').any(|own| own == key));
+            words.extend(texts.map(|text| format!("{}={text}", flag(&key))));
+        }
+        Ok(words)
     }
 
     /// The seeds of the arena [default: 1].

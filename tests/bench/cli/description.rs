@@ -1,6 +1,8 @@
 //! The description of a run: printed, repeated, and compared with other runs.
 
 use super::fixture::Fixture;
+use clap::Parser;
+use svl::scenario::SourceOptions;
 
 /// The hashes of all pairs and of the results of each algorithm.
 fn hashes(fixture: &Fixture, report: &str) -> Vec<String> {
@@ -149,4 +151,34 @@ fn an_unfinished_report_fails_no_comparison_unnoticed() {
         rm two/summary.json
         compare one two --fail-on worse => 3: two: is incomplete (it was never finished)",
     );
+}
+
+#[derive(clap::Parser)]
+struct Line {
+    #[command(flatten)]
+    options: SourceOptions,
+}
+
+/// A report's commands repeat the options of its pairs.
+#[test]
+fn options_as_words_are_read_as_they_were() {
+    let options = SourceOptions {
+        left: Some("/left image".to_owned()),
+        side_by_side: Some("top-bottom".parse().unwrap()),
+        fps: Some(12.5),
+        right_offset_ms: Some(-2.0),
+        camera_height_m: Some(0.2),
+        crop: Some([0, 40, 640, 400]),
+        reference: vec!["v3:max_disparity=64".to_owned(), "sgm".to_owned()],
+        ..SourceOptions::default()
+    };
+    let all = SourceOptions {
+        files: vec!["a.mcap".to_owned()],
+        every: Some(3),
+        from_s: Some(1.0),
+        ..options.clone()
+    };
+    let words = all.words().unwrap();
+    let line = Line::parse_from(["svl".to_owned()].into_iter().chain(words));
+    assert_eq!(line.options, options);
 }

@@ -44,22 +44,3 @@ impl Replays {
         Some(format!("--algo {}", shell_word(written.find(is_own)?)))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn algorithms_are_named_as_they_were_written() {
-        let algorithms = ["v3", "v3:max_disparity=48", "net=exec:command=\"./n 1\""];
-        let replays = Replays {
-            algorithms: algorithms.map(str::to_owned).into(),
-            ..Replays::default()
-        };
-        let words = |label| replays.algorithm(label);
-        assert_eq!(words("v3").unwrap(), "--algo v3");
-        let net = "--algo 'net=exec:command=\"./n 1\"'";
-        assert_eq!(words("net").as_deref(), Some(net));
-        assert_eq!(words("v3+floor"), None);
-    }
-}

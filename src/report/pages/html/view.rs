@@ -71,7 +71,8 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         finished_maps => maps(page, &colors, Some(false)), gate => gate.collect::<Vec<_>>(),
         entries => entries(page, &scenes), first => first_figure(page),
         grid => marks.map(|mark| (mark.column + 1, mark.row + 1)).max(),
-        runs => runs(page), is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
+        is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
+        runs => shots().map(|(_, shot)| run_name(&shot.row)).collect::<BTreeSet<_>>(),
         has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
         doubts => doubts.collect::<Vec<_>>(), warnings => warnings.collect::<Vec<_>>(),
         has_choice => page.figures.iter().any(has_choice), figures,
@@ -122,12 +123,6 @@ fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
     let all = |digits| figures.iter().map(|figure| chip(figure, digits)).collect();
     let is_clear = |chips: &Vec<String>| chips.iter().collect::<BTreeSet<_>>().len() == chips.len();
     (1..3).map(all).find(is_clear).unwrap_or_else(|| all(3))
-}
-
-/// The names of the runs with frames.
-fn runs(page: &ReportPage) -> BTreeSet<String> {
-    let shots = page.figures.iter().flat_map(|figure| &figure.shots);
-    shots.map(|(_, shot)| run_name(&shot.row)).collect()
 }
 
 /// Per algorithm the figures of its worst frames, the worst first, and their words.
