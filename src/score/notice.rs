@@ -2,9 +2,11 @@
 
 use parking_lot::Mutex;
 use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
 use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, LazyLock};
 use svl_core::doubt::Doubt;
+use svl_core::{counted, listed};
 use tracing::field::{Field, Visit};
 
 /// Most notices that a log holds.
@@ -126,6 +128,45 @@ fn read_doubt<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Doubt
     Ok(serde_json::from_value(value).ok())
 }
 
+/// The name that a warning begins with, and its words without numbers.
+pub fn name_and_kind(line: &str) -> Option<(&str, String)> {
+    let (name, words) = line.split_once(": ")?;
+    let is_number = |c: char| c.is_ascii_digit() || c == '.';
+    Some((name, words.replace(is_number, "")))
+}
+
+/// Warnings of which those of one kind are one line: the first, and the names of the others. All of
+/// a kind have other names; words and units are the same.
+pub fn grouped(lines: impl IntoIterator<Item = String>) -> Vec<String> {
+    let mut groups: Vec<(String, Vec<String>)> = Vec::new();
+    let mut places = BTreeMap::new();
+    for line in lines {
+        let own = name_and_kind(&line);
+        let own = own.map(|(name, kind)| (name.to_owned(), kind));
+        let known = own.as_ref().and_then(|(_, kind)| places.get(kind));
+        if let (Some((name, _)), Some(&place)) = (&own, known) {
+            let (first, others): &mut (String, Vec<String>) = &mut groups[place];
+            if !first.starts_with(&format!("{name}: ")) && !others.contains(name) {
+                others.push(name.clone());
+                continue;
+            }
+        }
+        if let Some((_, kind)) = own {
+            places.entry(kind).or_insert(groups.len());
+        }
+        groups.push((line, Vec::new()));
+    }
+    let words = |(first, others): (String, Vec<String>)| match others.len() {
+        0 => first,
+        n => format!(
+            "{first} (likewise {}: {})",
+            counted(n, "other"),
+            listed(others)
+        ),
+    };
+    groups.into_iter().map(words).collect()
+}
+
 /// The log that takes the notices; at first one of the whole process.
 static CURRENT: LazyLock<Mutex<NoticeLog>> = LazyLock::new(Mutex::default);
 
@@ -205,6 +246,25 @@ mod tests {
         );
         assert_eq!(renamed(Notice::new(["v3"], "")), None);
         assert_eq!(renamed(Notice::new([], "")), Some(Vec::new()));
+    }
+
+    #[test]
+    fn warnings_of_one_kind_are_one_line() {
+        let lines = [
+            "a.mcap: 6 pairs dropped",
+            "a.mcap: 12.5 pairs dropped",
+            "the machine was busy",
+            "b.mcap: 7 pairs dropped",
+            "c.mcap: 8 images dropped",
+            "d.mcap: 9 pairs dropped",
+        ];
+        let expected = [
+            "a.mcap: 6 pairs dropped (likewise 2 others: b.mcap, d.mcap)",
+            lines[1],
+            lines[2],
+            lines[4],
+        ];
+        assert_eq!(grouped(lines.map(str::to_owned)), expected);
     }
 
     #[test]

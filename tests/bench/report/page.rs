@@ -38,6 +38,7 @@ fn page(summary: Results) -> ReportPage {
         timeline: Default::default(),
         cases: None,
         maps: Vec::new(),
+        files: Vec::new(),
     }
 }
 

@@ -15,6 +15,7 @@ use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
 use svl_files::overlay::{REFERENCE_COLOR, viridis};
 use svl_score::judge::ColumnChoice;
+use svl_score::notice::grouped;
 
 pub(crate) fn view(page: &ReportPage) -> Value {
     let ReportPage {
@@ -50,6 +51,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let said: Vec<_> = manifest.doubts.iter().map(Doubt::to_string).collect();
     let warnings = manifest.warnings.iter();
     let warnings = warnings.filter(|warning| !said.iter().any(|own| warning.contains(own)));
+    let warnings = grouped(warnings.cloned());
     // An empty line ends a paragraph, as in Markdown.
     let paragraphs = page.description.split("\n\n").map(str::trim);
     context! {
@@ -72,11 +74,11 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         grid => marks.map(|mark| (mark.column + 1, mark.row + 1)).max(),
         is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
         has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
-        doubts => doubts.collect::<Vec<_>>(), warnings => warnings.collect::<Vec<_>>(),
+        doubts => doubts.collect::<Vec<_>>(), warnings,
         has_choice => page.figures.iter().any(has_choice), figures,
         scenes => scenes.iter().map(|scene| scene_view(scene, place)).collect::<Vec<_>>(),
         errors => error_key(), ramp => stops.collect::<Vec<_>>().join(", "),
-        images => images.into_views(),
+        images => images.into_views(), files => page.files,
     }
 }
 
