@@ -136,33 +136,48 @@ pub fn name_and_kind(line: &str) -> Option<(&str, String)> {
 }
 
 /// Warnings of which those of one kind are one line: the first, and the names of the others. All of
-/// a kind have other names; words and units are the same.
+/// a kind have other names, and words that differ in numbers alone.
 pub fn grouped(lines: impl IntoIterator<Item = String>) -> Vec<String> {
-    let mut groups: Vec<(String, Vec<String>)> = Vec::new();
+    struct Group {
+        first: String,
+        others: Vec<String>,
+        has_other_numbers: bool,
+    }
+    let mut groups: Vec<Group> = Vec::new();
     let mut places = BTreeMap::new();
     for line in lines {
-        let own = name_and_kind(&line);
-        let own = own.map(|(name, kind)| (name.to_owned(), kind));
-        let known = own.as_ref().and_then(|(_, kind)| places.get(kind));
-        if let (Some((name, _)), Some(&place)) = (&own, known) {
-            let (first, others): &mut (String, Vec<String>) = &mut groups[place];
-            if !first.starts_with(&format!("{name}: ")) && !others.contains(name) {
-                others.push(name.clone());
-                continue;
+        if let Some((name, kind)) = name_and_kind(&line) {
+            let place = *places.entry(kind).or_insert(groups.len());
+            if let Some(group) = groups.get_mut(place) {
+                let (first, words) = group.first.split_once(": ").unwrap_or_default();
+                if first != name {
+                    group.has_other_numbers |= line[name.len() + 2..] != *words;
+                    group.others.push(name.to_owned());
+                    continue;
+                }
             }
         }
-        if let Some((_, kind)) = own {
-            places.entry(kind).or_insert(groups.len());
-        }
-        groups.push((line, Vec::new()));
+        groups.push(Group {
+            first: line,
+            others: Vec::new(),
+            has_other_numbers: false,
+        });
     }
-    let words = |(first, others): (String, Vec<String>)| match others.len() {
-        0 => first,
-        n => format!(
-            "{first} (likewise {}: {})",
-            counted(n, "other"),
-            listed(others)
-        ),
+    let words = |group: Group| {
+        if group.others.is_empty() {
+            return group.first;
+        }
+        let others = counted(group.others.len(), "other");
+        let numbers = if group.has_other_numbers {
+            ", numbers differ"
+        } else {
+            ""
+        };
+        format!(
+            "{} (likewise {others}{numbers}: {})",
+            group.first,
+            listed(group.others)
+        )
     };
     groups.into_iter().map(words).collect()
 }
@@ -254,17 +269,19 @@ mod tests {
             "a.mcap: 6 pairs dropped",
             "a.mcap: 12.5 pairs dropped",
             "the machine was busy",
-            "b.mcap: 7 pairs dropped",
+            "b.mcap: 16 pairs dropped",
             "c.mcap: 8 images dropped",
             "d.mcap: 9 pairs dropped",
         ];
         let expected = [
-            "a.mcap: 6 pairs dropped (likewise 2 others: b.mcap, d.mcap)",
+            "a.mcap: 6 pairs dropped (likewise 2 others, numbers differ: b.mcap, d.mcap)",
             lines[1],
             lines[2],
             lines[4],
         ];
         assert_eq!(grouped(lines.map(str::to_owned)), expected);
+        let same = ["a: lost", "b: lost", "a: lost"].map(str::to_owned);
+        assert_eq!(grouped(same), ["a: lost (likewise 1 other: b)", "a: lost"]);
     }
 
     #[test]
