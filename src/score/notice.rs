@@ -2,7 +2,6 @@
 
 use parking_lot::Mutex;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::collections::BTreeMap;
 use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, LazyLock};
 use svl_core::doubt::Doubt;
@@ -138,48 +137,36 @@ pub fn name_and_kind(line: &str) -> Option<(&str, String)> {
 /// Warnings of which those of one kind are one line: the first, and the names of the others. All of
 /// a kind have other names, and words that differ in numbers alone.
 pub fn grouped(lines: impl IntoIterator<Item = String>) -> Vec<String> {
-    struct Group {
-        first: String,
-        others: Vec<String>,
-        has_other_numbers: bool,
-    }
-    let mut groups: Vec<Group> = Vec::new();
-    let mut places = BTreeMap::new();
+    let parts = |line: &'_ str| line.split_once(": ").unwrap_or_default();
+    let mut kinds: Vec<(Option<String>, Vec<String>)> = Vec::new();
     for line in lines {
-        if let Some((name, kind)) = name_and_kind(&line) {
-            let place = *places.entry(kind).or_insert(groups.len());
-            if let Some(group) = groups.get_mut(place) {
-                let (first, words) = group.first.split_once(": ").unwrap_or_default();
-                if first != name {
-                    group.has_other_numbers |= line[name.len() + 2..] != *words;
-                    group.others.push(name.to_owned());
-                    continue;
-                }
-            }
+        let kind = name_and_kind(&line).map(|(_, kind)| kind);
+        let mut known = kinds
+            .iter_mut()
+            .filter(|(own, _)| kind.is_some() && *own == kind);
+        match known.find(|(_, own)| parts(&own[0]).0 != parts(&line).0) {
+            Some((_, own)) => own.push(line),
+            None => kinds.push((kind, vec![line])),
         }
-        groups.push(Group {
-            first: line,
-            others: Vec::new(),
-            has_other_numbers: false,
-        });
     }
-    let words = |group: Group| {
-        if group.others.is_empty() {
-            return group.first;
+    let words = |(_, lines): (Option<String>, Vec<String>)| {
+        let (first, others) = (&lines[0], &lines[1..]);
+        if others.is_empty() {
+            return first.clone();
         }
-        let others = counted(group.others.len(), "other");
-        let numbers = if group.has_other_numbers {
-            ", numbers differ"
-        } else {
+        let is_same = |other: &String| parts(other).1 == parts(first).1;
+        let numbers = if others.iter().all(is_same) {
             ""
+        } else {
+            ", numbers differ"
         };
+        let names = listed(others.iter().map(|other| parts(other).0));
         format!(
-            "{} (likewise {others}{numbers}: {})",
-            group.first,
-            listed(group.others)
+            "{first} (likewise {}{numbers}: {names})",
+            counted(others.len(), "other")
         )
     };
-    groups.into_iter().map(words).collect()
+    kinds.into_iter().map(words).collect()
 }
 
 /// The log that takes the notices; at first one of the whole process.

@@ -200,9 +200,10 @@ fn tables_sort_and_the_page_links_to_its_parts_and_files() {
     }
     let run = Fixture::new();
     run.record_short_arena("run.mcap", 12, 7);
-    run.run(
-        "score run.mcap --algo bm --algo v3 --algo blind --stress noise=2/5/10/20 --rerun none -o r",
-    );
+    let stress = "--stress noise=2/5/10/20";
+    run.run(&format!(
+        "score run.mcap --algo bm --algo v3 --algo blind {stress} --rerun none -o r"
+    ));
     let page = "r/index.html";
     let found = inspect(
         &run,
@@ -223,7 +224,8 @@ fn tables_sort_and_the_page_links_to_its_parts_and_files() {
         button.click();
         const up = texts(column).map(Number);
         table.rows[1].cells[0].querySelector('button').click();
-        const links = list('.contents a'), broken = links.filter((a) => !page.querySelector(a.hash));
+        const links = list('.contents a');
+        const broken = links.filter((a) => !page.querySelector(a.hash));
         return { cut: cut.length, order, heads, down, up, names: texts(0), focus: button.tabIndex,
           hidden: page.querySelector('.contents').hidden, broken: broken.length,
           links: links.map((a) => a.textContent),

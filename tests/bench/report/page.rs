@@ -179,7 +179,8 @@ fn the_answer_comes_before_frames_and_all_else_is_folded() {
     // Failed limits are not hidden. The other algorithm has no truth, and one dot is no plot.
     assert_words(
         &html,
-        "7x <details | !id=\"plot\" | 1x <details id=\"gate\" data-contents=\"Gate\" open> | 1x <a href=\"#gate\"> \
+        "7x <details | !id=\"plot\" | 1x <details id=\"gate\" data-contents=\"Gate\" open> \
+        | 2x <a href=\"#gate\"> \
         | 1x <tr data-algorithm=\"v3\"> | 1x class=\"stack\" | 2x class=\"time\"",
     );
 }

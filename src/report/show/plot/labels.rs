@@ -31,7 +31,7 @@ pub(crate) fn write(
                 .for_each(|p| labels.avoid(p, 4));
         }
     }
-    // In the order of importance: an algorithm's name is left out where it would cover another text,
+    // In the order of importance: an algorithm's name is omitted where it would cover another text,
     // the label of a sweep's value where it would cover anything. Tooltips have all names.
     labels.marks = labels.taken.len();
     let turn = |form| match form {
@@ -47,7 +47,7 @@ pub(crate) fn write(
     for (_, away, series) in turns {
         for point in series.points.iter().filter_map(&place) {
             let (at, hidden) = labels.place(&series.name, point, radius(series.form), away);
-            if series.form == SeriesStyle::Label && hidden > 0 || labels.covers_text() {
+            if series.form == SeriesStyle::Label && hidden > 0 || labels.is_cut() {
                 labels.withdraw();
             } else {
                 canvas.text(&series.name, at, SIZE, LEFT);
@@ -140,12 +140,13 @@ impl Labels {
         ((area[0], (area[1] + area[3]) / 2), hidden)
     }
 
-    /// True if the last text covers part of another.
-    fn covers_text(&self) -> bool {
-        let (last, others) = self.taken[self.marks..]
-            .split_last()
-            .unwrap_or((&[0; 4], &[]));
-        others.iter().any(|other| shared(last, other) > 0)
+    /// True if the last text covers part of another, or leaves the bounds.
+    fn is_cut(&self) -> bool {
+        let Some((last, others)) = self.taken[self.marks..].split_last() else {
+            return false;
+        };
+        let is_inside = shared(last, &self.bounds) == shared(last, last);
+        !is_inside || others.iter().any(|other| shared(last, other) > 0)
     }
 
     /// Gives back the room of the last text, which is not drawn.
@@ -196,8 +197,8 @@ mod tests {
     fn a_text_without_room_is_reported() {
         let mut labels = Labels::new([0, 0, 60, 30], 20);
         labels.place("abcde", (10, 10), 8, 3);
-        assert!(!labels.covers_text());
+        assert!(!labels.is_cut());
         assert!(labels.place("abcde", (10, 10), 8, 3).1 > 0);
-        assert!(labels.covers_text());
+        assert!(labels.is_cut());
     }
 }
