@@ -137,7 +137,9 @@ pub fn name_and_kind(line: &str) -> Option<(&str, String)> {
 /// Warnings of which those of one kind are one line: the first, and the names of the others. All of
 /// a kind have other names, and words that differ in numbers alone.
 pub fn grouped(lines: impl IntoIterator<Item = String>) -> Vec<String> {
-    let parts = |line: &'_ str| line.split_once(": ").unwrap_or_default();
+    fn parts(line: &str) -> (&str, &str) {
+        line.split_once(": ").unwrap_or_default()
+    }
     let mut kinds: Vec<(Option<String>, Vec<String>)> = Vec::new();
     for line in lines {
         let kind = name_and_kind(&line).map(|(_, kind)| kind);
