@@ -6,7 +6,7 @@ mod shared;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use commands::Command;
-use shared::log::NoticeLayer;
+use shared::log::{self, NoticeLayer};
 use shared::{help, usage};
 use std::process::ExitCode;
 use tracing::Level;
@@ -107,6 +107,7 @@ impl Cli {
             true => run(),
             false => rayon::scope(|_| run()),
         };
+        log::finish();
         match ran {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => usage::report(&error),

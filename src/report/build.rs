@@ -239,6 +239,7 @@ impl Report<'_> {
             figures,
             scenes,
             maps: self.maps(&candidates)?,
+            files: self.files(summary.ending.is_whole())?,
             manifest,
         };
         page.write(&folder.join("index.html"))?;
@@ -269,6 +270,24 @@ impl Report<'_> {
             gate,
             last_session,
         })
+    }
+
+    /// The names of the files beside the page, with those of the summary if it is written.
+    fn files(&self, has_summary: bool) -> Result<Vec<String>> {
+        let is_file = |name: &String| {
+            let ends = [".csv", ".parquet", ".json", ".rrd", ".mcap"];
+            ends.iter().any(|end| name.ends_with(end)) && !name.starts_with("summary.")
+        };
+        let read = || -> std::io::Result<Vec<_>> {
+            let names = std::fs::read_dir(self.folder)?.map(|own| Ok(own?.file_name()));
+            names.collect()
+        };
+        let names = read().map_err(|e| Error::io(self.folder, e))?.into_iter();
+        let names = names.filter_map(|name| name.into_string().ok());
+        let summary = ["csv", "json", "md", "parquet"].map(|end| format!("summary.{end}"));
+        let summary = summary.into_iter().filter(|_| has_summary);
+        let names = names.filter(is_file).chain(summary);
+        Ok(names.collect::<BTreeSet<_>>().into_iter().collect())
     }
 
     /// A warning of options that need distances of a truth, which no pair has.

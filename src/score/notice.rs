@@ -5,6 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt::{self, Debug, Display, Formatter};
 use std::sync::{Arc, LazyLock};
 use svl_core::doubt::Doubt;
+use svl_core::{counted, listed};
 use tracing::field::{Field, Visit};
 
 /// Most notices that a log holds.
@@ -126,6 +127,50 @@ fn read_doubt<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Doubt
     Ok(serde_json::from_value(value).ok())
 }
 
+/// The name that a warning begins with, and its words without numbers.
+pub fn name_and_kind(line: &str) -> Option<(&str, String)> {
+    let (name, words) = line.split_once(": ")?;
+    let is_number = |c: char| c.is_ascii_digit() || c == '.';
+    Some((name, words.replace(is_number, "")))
+}
+
+/// Warnings of which those of one kind are one line: the first, and the names of the others. All of
+/// a kind have other names, and words that differ in numbers alone.
+pub fn grouped(lines: impl IntoIterator<Item = String>) -> Vec<String> {
+    fn parts(line: &str) -> (&str, &str) {
+        line.split_once(": ").unwrap_or_default()
+    }
+    let mut kinds: Vec<(Option<String>, Vec<String>)> = Vec::new();
+    for line in lines {
+        let kind = name_and_kind(&line).map(|(_, kind)| kind);
+        let mut known = kinds
+            .iter_mut()
+            .filter(|(own, _)| kind.is_some() && *own == kind);
+        match known.find(|(_, own)| parts(&own[0]).0 != parts(&line).0) {
+            Some((_, own)) => own.push(line),
+            None => kinds.push((kind, vec![line])),
+        }
+    }
+    let words = |(_, lines): (Option<String>, Vec<String>)| {
+        let (first, others) = (&lines[0], &lines[1..]);
+        if others.is_empty() {
+            return first.clone();
+        }
+        let is_same = |other: &String| parts(other).1 == parts(first).1;
+        let numbers = if others.iter().all(is_same) {
+            ""
+        } else {
+            ", numbers differ"
+        };
+        let names = listed(others.iter().map(|other| parts(other).0));
+        format!(
+            "{first} (likewise {}{numbers}: {names})",
+            counted(others.len(), "other")
+        )
+    };
+    kinds.into_iter().map(words).collect()
+}
+
 /// The log that takes the notices; at first one of the whole process.
 static CURRENT: LazyLock<Mutex<NoticeLog>> = LazyLock::new(Mutex::default);
 
@@ -205,6 +250,27 @@ mod tests {
         );
         assert_eq!(renamed(Notice::new(["v3"], "")), None);
         assert_eq!(renamed(Notice::new([], "")), Some(Vec::new()));
+    }
+
+    #[test]
+    fn warnings_of_one_kind_are_one_line() {
+        let lines = [
+            "a.mcap: 6 pairs dropped",
+            "a.mcap: 12.5 pairs dropped",
+            "the machine was busy",
+            "b.mcap: 16 pairs dropped",
+            "c.mcap: 8 images dropped",
+            "d.mcap: 9 pairs dropped",
+        ];
+        let expected = [
+            "a.mcap: 6 pairs dropped (likewise 2 others, numbers differ: b.mcap, d.mcap)",
+            lines[1],
+            lines[2],
+            lines[4],
+        ];
+        assert_eq!(grouped(lines.map(str::to_owned)), expected);
+        let same = ["a: lost", "b: lost", "a: lost"].map(str::to_owned);
+        assert_eq!(grouped(same), ["a: lost (likewise 1 other: b)", "a: lost"]);
     }
 
     #[test]

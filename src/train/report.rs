@@ -211,7 +211,10 @@ impl FilterTraining {
     /// library.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
         let charts = self.charts().into_iter();
-        let charts = charts.map(|(title, about, chart)| PlotView::new(title, about, chart.svg()));
+        let charts = charts.filter_map(|(title, about, chart)| {
+            let chart = chart.if_any()?;
+            Some(PlotView::new(title, about, chart.svg()))
+        });
         let view = FilterView {
             training: self,
             false_acceptance: self.errors.false_acceptance.to_string(),

@@ -15,6 +15,6 @@ mod work;
 pub use evaluate::Evaluation;
 pub use left_image::find_left;
 pub use merge::Parts;
-pub use plan::{Again, EvaluationPlan};
+pub use plan::{Again, ChosenViewer, EvaluationPlan};
 pub use shard::Shard;
 pub use sweep::{Algorithms, MAX_ALGORITHMS};

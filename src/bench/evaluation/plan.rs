@@ -11,6 +11,9 @@ use svl_score::manifest::Manifest;
 use svl_score::scenario::{Scenario, StressLevels};
 use svl_sim::stress::Stress;
 
+/// A viewer, where it shows the run, and how much of it.
+pub type ChosenViewer = (&'static dyn Viewer, RerunTarget, RerunDetail);
+
 /// An evaluation: a scenario through its algorithms into a report.
 pub struct EvaluationPlan<'a> {
     /// With its algorithms also behind its filters.
@@ -38,7 +41,7 @@ pub struct EvaluationPlan<'a> {
     pub gate: bool,
     /// The folder for the plots as files.
     pub figures: Option<&'a Path>,
-    pub viewer: Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>,
+    pub viewer: Option<ChosenViewer>,
 }
 
 /// The results in the folder that are matched again.

@@ -1,14 +1,14 @@
 //! The runs of a scenario through the algorithms whose results are missing, one after the other.
 
-use super::plan::EvaluationPlan;
+use super::plan::{ChosenViewer, EvaluationPlan};
 use super::run_opener::{OpenedRun, OpeningResult, RunOpener, RunPlace, WantedResults};
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
 use crate::pass::{Matchers, Pace, run_through};
 use crate::runs::{RECORDINGS, warn_of_own_reference};
 use crate::sink::{
-    PassStart, RunningTable, SeenPairs, Sink, SinkRequest, Sinks, UnitRequest, ViewedScene,
-    ViewerRequest,
+    PassStart, RerunDetail, RunningTable, SeenPairs, Sink, SinkRequest, Sinks, UnitRequest,
+    ViewedScene, ViewerRequest,
 };
 use crate::source::{RunSource, Source};
 use std::collections::BTreeSet;
@@ -24,6 +24,12 @@ use svl_score::scenario::{PairRange, Scenario, ScenarioSource};
 
 /// Most algorithms that Rerun shows.
 const MAX_SHOWN: usize = 32;
+
+/// Limits of the file for Rerun that is written without being asked for, and the mean size of a
+/// pixel in it: images are JPEG files, and few pairs have maps.
+const MAX_FILE_PAIRS: u64 = 2000;
+const MAX_FILE_BYTES: f64 = 200e6;
+const BYTES_PER_PIXEL: f64 = 0.5;
 
 /// Matches what is missing of the runs of a scenario.
 pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<MeasuredUnits> {
@@ -267,7 +273,8 @@ impl EvaluationWork<'_> {
         };
         let mut manifest = self.session.manifest();
         self.session.write(&manifest)?;
-        let mut sinks = self.sinks(Some((&manifest, opener.live())))?;
+        let viewer = self.viewer(&read, first.1.as_ref().ok());
+        let mut sinks = self.sinks(Some((&manifest, opener.live(), viewer)))?;
         let mut ran = self.read_runs(&read, first, &mut opener, &manifest, &mut sinks);
         // Files may have changed between the look at them and the reading of their pairs.
         self.keep_whole_memory();
@@ -405,22 +412,41 @@ impl EvaluationWork<'_> {
         }
     }
 
+    /// The viewer of the runs that are read, of which the first is open.
+    fn viewer(&self, read: &[usize], first: Option<&OpenedRun>) -> Option<ChosenViewer> {
+        // More do not fit into a viewer, nor the file on a disk.
+        let is_shown = self.plan.scenario.algorithms.len() <= MAX_SHOWN;
+        let viewer = self.plan.viewer.clone().filter(|_| is_shown)?;
+        let plain = read.iter().filter(|i| self.runs[**i].0.is_none()).count() as u64;
+        let first = first.and_then(|first| Some((first.source.pairs()?, first.source.size?)));
+        // All runs are taken for as long as the first.
+        let large = first.map(|(pairs, size)| (plain * pairs, size));
+        let large = large.filter(|(pairs, size)| is_large(*pairs, *size));
+        if let (Some((pairs, _)), RerunDetail::Light) = (large, viewer.2) {
+            let line = "no file for Rerun, which would be large";
+            let line = format!("{line} ({pairs} pairs); `--rerun FILE.rrd` writes it");
+            self.console.note(&line);
+            return None;
+        }
+        Some(viewer)
+    }
+
     /// The sinks of runs: units, and for those that are matched the viewer and the table of the
     /// screen.
-    fn sinks(&self, matched: Option<(&Manifest, &RunningTable)>) -> Result<Sinks> {
+    fn sinks(&self, matched: Option<MatchedRuns<'_>>) -> Result<Sinks> {
         let (plan, scenario) = (self.plan, self.plan.scenario);
-        // More do not fit into a viewer, nor the file on a disk.
-        let is_shown = scenario.algorithms.len() <= MAX_SHOWN;
-        let viewer = plan.viewer.clone().filter(|_| is_shown).zip(matched);
-        let viewer = viewer.map(|((viewer, target, detail), (manifest, _))| ViewerRequest {
-            viewer,
-            target,
-            detail,
-            info: ViewedScene {
-                // The files of all sessions are one recording.
-                recording_id: self.session.first_id(),
-                ..ViewedScene::new(manifest, scenario.wireframe(None))
-            },
+        let viewer = matched.as_ref().and_then(|(manifest, _, viewer)| {
+            let (viewer, target, detail) = viewer.clone()?;
+            Some(ViewerRequest {
+                viewer,
+                target,
+                detail,
+                info: ViewedScene {
+                    // The files of all sessions are one recording.
+                    recording_id: self.session.first_id(),
+                    ..ViewedScene::new(manifest, scenario.wireframe(None))
+                },
+            })
         });
         let mut sinks = Sinks::open(SinkRequest {
             report: Some(UnitRequest {
@@ -432,11 +458,20 @@ impl EvaluationWork<'_> {
             viewer,
             ..SinkRequest::default()
         })?;
-        if let Some((_, live)) = matched {
+        if let Some((_, live, _)) = matched {
             sinks.push(live.clone());
         }
         Ok(sinks)
     }
+}
+
+/// The manifest of runs that are matched, the table of the screen, and the viewer.
+type MatchedRuns<'a> = (&'a Manifest, &'a RunningTable, Option<ChosenViewer>);
+
+/// True for a file for Rerun that is too large to be written without being asked for.
+fn is_large(pairs: u64, (width, height): (usize, usize)) -> bool {
+    let bytes = BYTES_PER_PIXEL * (width * height) as f64 * pairs as f64;
+    pairs > MAX_FILE_PAIRS || bytes > MAX_FILE_BYTES
 }
 
 /// What came of reading a run.
@@ -444,4 +479,15 @@ struct PassOutcome {
     facts: RunFacts,
     interrupted: bool,
     ran: Result<()>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_large;
+
+    #[test]
+    fn a_file_for_rerun_is_large_by_its_pairs_or_its_pixels() {
+        assert!(!is_large(2000, (320, 240)) && is_large(2001, (320, 240)));
+        assert!(!is_large(300, (1280, 960)) && is_large(400, (1280, 960)));
+    }
 }

@@ -203,7 +203,7 @@ const FIELDS: &[DataField] = &[
     ),
     field("misalignment", "by algorithm"),
     field("first_pairs.nearest", "nearest"),
-    field("first_pairs.truths", "truth"),
+    field("first_pairs.truths", "truth at start"),
     field("grabber.counts", "grabbed"),
     field("grabber.error", "grabber error"),
     field("skew", "skew"),

@@ -3,10 +3,10 @@
 
 use super::terminal::write_error;
 use parking_lot::Mutex;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, IsTerminal};
 use std::sync::LazyLock;
-use svl::notice::{Notice, NoticeLog};
+use svl::notice::{Notice, NoticeLog, grouped, name_and_kind};
 use svl::printable_line;
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
@@ -43,6 +43,10 @@ struct Lines {
     /// Lines that are held back, and the number of them that were taken.
     held: Option<(Vec<LogLine>, usize)>,
     written: BTreeSet<LogLine>,
+    /// The first name of each kind of warnings.
+    kinds: BTreeMap<String, String>,
+    /// Warnings of other names, which the end of the command groups.
+    later: Vec<String>,
 }
 
 impl Lines {
@@ -52,9 +56,21 @@ impl Lines {
                 held.push(line);
             }
         } else if self.is_new(&line) {
-            let mark = mark(line.0, io::stderr().is_terminal());
-            write_error(&mark, &(printable_line(&line.1) + "\n"));
+            if self.is_later(&line) {
+                self.later.push(line.1);
+            } else {
+                write(&line);
+            }
         }
+    }
+
+    /// True for a warning of a known kind with another name than the first.
+    fn is_later(&mut self, (level, text): &LogLine) -> bool {
+        let Some((name, kind)) = name_and_kind(text).filter(|_| *level == Level::WARN) else {
+            return false;
+        };
+        let has_room = self.kinds.len().max(self.later.len()) < MAX_REMEMBERED;
+        has_room && self.kinds.entry(kind).or_insert_with(|| name.to_owned()) != name
     }
 
     /// True at the first call with this line.
@@ -80,6 +96,18 @@ pub(crate) fn release() {
     let mut lines = LINES.lock();
     let (held, _) = lines.held.take().unwrap_or_default();
     held.into_iter().for_each(|line| lines.add(line));
+}
+
+/// Writes the warnings that are grouped.
+pub(crate) fn finish() {
+    let later = std::mem::take(&mut LINES.lock().later);
+    let lines = grouped(later).into_iter();
+    lines.for_each(|line| write(&(Level::WARN, line)));
+}
+
+fn write((level, text): &LogLine) {
+    let mark = mark(*level, io::stderr().is_terminal());
+    write_error(&mark, &(printable_line(text) + "\n"));
 }
 
 /// The last line that was held back since this was asked last.
@@ -114,6 +142,15 @@ mod tests {
         let mut lines = Lines::default();
         let news = ["first", "second", "first"].map(|words| lines.is_new(&warning(words)));
         assert_eq!(news, [true, true, false]);
+    }
+
+    #[test]
+    fn warnings_of_other_names_are_grouped_at_the_end() {
+        let mut lines = Lines::default();
+        let texts = ["a: 1 lost", "a: 2 lost", "b: 3 lost", "b: none", "lost"];
+        let later = texts.map(|text| lines.is_later(&warning(text)));
+        assert_eq!(later, [false, false, true, false, false]);
+        assert!(!lines.is_later(&(Level::INFO, "b: 4 lost".to_owned())));
     }
 
     #[test]

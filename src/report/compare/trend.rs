@@ -135,7 +135,7 @@ impl Trend {
         let colors = AlgorithmColors::new(labels);
         let metrics = self.lines.chunk_by(|a, b| a.metric == b.metric);
         let charts: Vec<_> = metrics
-            .map(|lines| {
+            .filter_map(|lines| {
                 let metric = lines[0].metric;
                 let unit = metric.unit.name().map(|unit| format!(", {unit}"));
                 let words = metric.words.to_owned() + &unit.unwrap_or_default();
@@ -157,8 +157,8 @@ impl Trend {
                     bars.chain([values]).collect::<Vec<_>>()
                 });
                 let y = Axis::new(words.clone());
-                let svg = Chart::untitled(Axis::new("report"), y, series).svg_in(&colors);
-                PlotView::new(&words, "", svg)
+                let chart = Chart::untitled(Axis::new("report"), y, series).if_any()?;
+                Some(PlotView::new(&words, "", chart.svg_in(&colors)))
             })
             .collect();
         let cautions = joined(&self.cautions);

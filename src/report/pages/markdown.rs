@@ -3,6 +3,7 @@
 use crate::results::summary::Results;
 use crate::show::table::markdown::escape;
 use crate::show::table::model::Table;
+use svl_score::notice::grouped;
 
 impl Results {
     /// The summary as a Markdown page under `title`.
@@ -39,7 +40,7 @@ impl Results {
         facts.extend(times.map(|times| format!("times: {times}")));
         let programs = self.programs.iter();
         facts.extend(programs.map(|p| format!("program: {}: {}", p.algorithm, p.program.words())));
-        let warnings = self.warnings.iter();
+        let warnings = grouped(self.warnings.clone()).into_iter();
         facts.extend(warnings.map(|warning| format!("warning: {warning}")));
         if !facts.is_empty() {
             page.push_str("\n## Run\n\n");

@@ -4,10 +4,11 @@ use super::choice::{answer_metrics, better_first};
 use super::summary::Results;
 use crate::rows::records::Row;
 use crate::rows::samples::{grouped, is_scene, total};
-use crate::show::table::model::Table;
+use crate::show::table::model::{Table, TableCell, TextColumn};
 use crate::show::words::{NONE, number};
 use crate::subjects::drives::DriveRow;
 use crate::subjects::recordings::RecordingSummary;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use svl_core::counted;
 use svl_score::judge::{Metric, TruthLevel};
@@ -15,7 +16,21 @@ use svl_score::judge::{Metric, TruthLevel};
 /// Limit of the rows: the tables of the report have all cases.
 const MAX_CASES: usize = 40;
 
-/// A scene or a course, and of each algorithm the value and the outcome in words.
+const OUTCOMES: [TextColumn<DriveRow>; 8] = [
+    ("", "course", |own| format!("course {}", own.seed)),
+    ("", "algorithm", |own| own.algorithm.clone()),
+    ("", "outcome", |own| drive_words(own)),
+    ("", "near misses", |own| own.near_misses.to_string()),
+    ("", "first hit, m", |own| {
+        let first = own.first_collision_m;
+        first.map_or_else(|| NONE.to_owned(), |m| format!("{m:.1}"))
+    }),
+    ("", "driven, m", |own| format!("{:.1}", own.route_m)),
+    ("", "of, m", |own| format!("{:.1}", own.course_m)),
+    ("", "time, s", |own| format!("{:.1}", own.duration_s)),
+];
+
+/// A scene or a recording, and of each algorithm the value and the outcome in words.
 struct Case {
     name: String,
     outcomes: BTreeMap<String, (Option<f64>, String)>,
@@ -45,25 +60,49 @@ impl Results {
     /// the first candidate of the ranking is worst. `rows` and `drives`: those that the summary is
     /// of. None for other runs and for a single case.
     pub fn case_table(&self, rows: &[Row], drives: &[DriveRow]) -> Option<Table> {
-        let is_driven = self.kind() == TruthLevel::Courses;
-        let (metric, cases) = if is_driven {
-            (Metric::find("collisions")?, courses(drives))
-        } else {
-            let metric = *answer_metrics(self.kind()).first()?;
-            (metric, scenes(metric, rows))
-        };
-        let (title, head) = if is_driven {
-            ("Outcome of each drive".to_owned(), "course")
-        } else {
-            (format!("Scenes: {}, %", metric.words), "scene")
-        };
-        let table = self.table_by_case(metric, title, head, cases)?;
-        let meanings: &[&str] = &[
+        if self.kind() == TruthLevel::Courses {
+            return self.drive_cases(drives);
+        }
+        let metric = *answer_metrics(self.kind()).first()?;
+        let title = format!("Scenes: {}, %", metric.words);
+        self.table_by_case(metric, title, "scene", scenes(metric, rows))
+    }
+
+    /// A row per course and algorithm; none for a single course.
+    fn drive_cases(&self, drives: &[DriveRow]) -> Option<Table> {
+        let mut drives: Vec<_> = drives.iter().filter(|own| own.stress.is_none()).collect();
+        let ranked = self.ranked_algorithms();
+        let place = |own: &DriveRow| ranked.iter().position(|a| a.algorithm == own.algorithm);
+        let best = self.first_candidate()?;
+        let own = drives.iter().filter(|own| own.algorithm == best);
+        // A drive that did not finish without a collision is worse than a finished one.
+        let own = own.map(|own| (own.seed, (own.collisions, !own.finished)));
+        let own: BTreeMap<_, _> = own.collect();
+        drives.sort_by_key(|drive| (Reverse(own.get(&drive.seed)), drive.seed, place(drive)));
+        let mut table = Table::from_items("Outcome of each drive", &OUTCOMES, drives.clone());
+        table.columns[1].is_text = true;
+        table.columns[2].is_text = true;
+        for (row, drive) in table.rows.iter_mut().zip(&drives) {
+            if !drive.finished {
+                row[2] = TableCell::Alert(drive_words(drive));
+            }
+        }
+        let table = table.with_notes(&[
             "✓: the goal was reached without a collision and without help",
             "stuck: the robot got stuck and was set back on the route",
             "late: the goal was not reached in time",
-        ];
-        Some(table.with_notes(if is_driven { meanings } else { &[] }))
+        ]);
+        drives
+            .iter()
+            .any(|own| own.seed != drives[0].seed)
+            .then_some(table)
+    }
+
+    /// The first of the ranking that may be best, else the first.
+    fn first_candidate(&self) -> Option<&str> {
+        let ranked = self.ranked_algorithms();
+        let fit = ranked.iter().find(|a| self.may_be_best(a));
+        Some(&fit.or(ranked.first())?.algorithm)
     }
 
     /// A row per case, the worst of the first candidate first; none for a single case.
@@ -75,8 +114,7 @@ impl Results {
         mut cases: Vec<Case>,
     ) -> Option<Table> {
         let ranked = self.ranked_algorithms();
-        let fit = ranked.iter().find(|a| self.may_be_best(a));
-        let best = &fit.or(ranked.first())?.algorithm;
+        let best = self.first_candidate()?;
         let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, value(b), value(a)));
@@ -110,20 +148,6 @@ fn scenes(metric: &Metric, rows: &[Row]) -> Vec<Case> {
     grouped(&rows.collect::<Vec<_>>(), |row| &row.name, case)
 }
 
-fn courses(drives: &[DriveRow]) -> Vec<Case> {
-    let drives = drives.iter().filter(|drive| drive.stress.is_none());
-    let outcome = |drive: &&DriveRow| {
-        // A drive that did not finish without a collision is worse than a finished one.
-        let value = drive.collisions as f64 + if drive.finished { 0.0 } else { 0.5 };
-        (drive.algorithm.clone(), (Some(value), drive_words(drive)))
-    };
-    let case = |own: &[&DriveRow]| Case {
-        name: format!("course {}", own[0].seed),
-        outcomes: own.iter().map(outcome).collect(),
-    };
-    grouped(&drives.collect::<Vec<_>>(), |drive| drive.seed, case)
-}
-
 fn drive_words(drive: &DriveRow) -> String {
     if drive.finished {
         return "✓".to_owned();
@@ -138,7 +162,7 @@ fn drive_words(drive: &DriveRow) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::show::table::model::TableCell;
+    use crate::results::summary::{ReportTables, ResultParts, Shown};
     use crate::subjects::drives::tests::drive;
     use crate::subjects::speed::tests::row;
 
@@ -182,6 +206,33 @@ mod tests {
         ];
         assert_eq!(texts(&table), expected);
         assert_eq!(summary.case_table(&rows[..2], &[]), None);
+    }
+
+    #[test]
+    fn each_drive_is_a_row_and_the_worst_course_is_first() {
+        let mut drives = [drive(1, "a"), drive(1, "b"), drive(2, "a"), drive(2, "b")];
+        (drives[2].finished, drives[2].collisions) = (false, 2);
+        drives[2].first_collision_m = Some(1.25);
+        let rows = drives.iter().map(|own| Row {
+            algorithm: own.algorithm.clone(),
+            ..row(1000, (64, 48), None)
+        });
+        let tables = ReportTables {
+            rows: rows.collect(),
+            drives: drives.to_vec(),
+            ..ReportTables::default()
+        };
+        let own = Results::new(&tables, ResultParts::default(), Shown::default()).unwrap();
+        let best = own.first_candidate().unwrap();
+        let table = own.case_table(&[], &drives).unwrap();
+        let names = table.rows.iter().map(|row| [row[0].text(), row[1].text()]);
+        let names: Vec<_> = names.map(|own| own.join(" ")).collect();
+        let worst = if best == "a" { "course 2" } else { "course 1" };
+        assert!(names[0].starts_with(worst) && names.len() == 4, "{names:?}");
+        let hit = TableCell::Alert("2 hits".to_owned());
+        let row = table.rows.iter().find(|row| row[2] == hit).unwrap();
+        assert_eq!(row[4].text(), "1.2");
+        assert_eq!(own.case_table(&[], &drives[..2]), None);
     }
 
     #[test]

@@ -6,9 +6,10 @@ use crate::subjects::references::PRIOR;
 use svl_core::counted;
 use svl_core::doubt::Doubt;
 use svl_score::judge::Metric;
+use svl_score::notice::grouped;
 
 impl Results {
-    /// Losses and cautions, each with its cure where there is one.
+    /// Losses and cautions, each with its cure where there is one; those of one kind together.
     pub fn cautions(&self) -> Vec<String> {
         let incomplete = self.ending.incomplete.iter();
         let incomplete = incomplete.map(|why| format!("incomplete: {why}"));
@@ -29,7 +30,7 @@ impl Results {
         let parts = parts.chain(self.empty_area()).chain(self.nothing_near());
         let parts = parts.chain(self.still_words()).chain(profile);
         let parts = parts.chain(self.mixed_times()).chain(self.slow_drivers());
-        parts.chain(self.outliers()).collect()
+        grouped(parts.chain(self.outliers()))
     }
 
     /// Caution where the prior tests nothing.

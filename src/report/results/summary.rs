@@ -14,6 +14,7 @@ use crate::subjects::stress::StressSummary;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
+use svl_core::depth::GridSettings;
 use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_files::slow_profile;
@@ -163,7 +164,7 @@ pub(crate) struct ResultScope {
     /// Pairs and cells that were scored against a truth, of the algorithm with the most; `None`
     /// without one.
     pub scored: Option<(u64, u64)>,
-    /// The most cells of a pair that were scored.
+    /// The cells of the grid of a pair.
     pub cells_of_pair: u64,
     /// Rows whose cells are scored by distances, and those of them that know what is floor.
     pub by_distance: u64,
@@ -421,6 +422,10 @@ impl Results {
         results.basis.time_groups = parts.time_groups;
         if let Some(manifest) = parts.manifest {
             results.add_manifest(manifest);
+            let grid: Option<GridSettings> = manifest.part("grid")?;
+            let cells = grid.map_or(0, |grid| grid.shape().cells() as u64);
+            let scope = &mut results.basis.scope;
+            scope.cells_of_pair = scope.cells_of_pair.max(cells);
         }
         results.stress = results.stressed(tables)?;
         // The order matters: the manifest has the algorithms that failed on every pair, which are

@@ -158,7 +158,7 @@ pub(crate) const ABOUT: &str = "Fraction of right cells by the probability that 
                                 cells or more.";
 
 /// Observed over predicted fractions under the names of algorithms, of ranges with enough cells;
-/// none if no range has.
+/// none if no two ranges of an algorithm have.
 pub fn reliability_chart(bins: Vec<(String, Vec<ReliabilityBin>)>) -> Option<Chart> {
     let series = |(name, bins): (String, Vec<ReliabilityBin>)| {
         let drawn = bins.iter().filter(|bin| bin.cells >= MIN_CELLS);
@@ -175,7 +175,7 @@ pub fn reliability_chart(bins: Vec<(String, Vec<ReliabilityBin>)>) -> Option<Cha
     let diagonal = [(from, from), (100.0, 100.0)];
     series.push(Series::new("as predicted", SeriesStyle::Front, diagonal));
     let (x, y) = (axis("predicted right, %"), axis("observed right, %"));
-    Some(Chart::untitled(x, y, series))
+    Chart::untitled(x, y, series).if_any()
 }
 
 #[cfg(test)]
@@ -198,11 +198,12 @@ mod tests {
         let mut tally = ReliabilityTally::new(&ENDS);
         let chart =
             |tally: &ReliabilityTally| reliability_chart(vec![("v5".to_owned(), tally.bins())]);
+        (0..20).for_each(|_| tally.add(0.97, true));
         (0..19).for_each(|_| tally.add(0.93, true));
         assert_eq!(chart(&tally), None);
         tally.add(0.93, false);
         let drawn = chart(&tally).unwrap();
-        assert_eq!(drawn.series[0].points.len(), 1);
+        assert_eq!(drawn.series[0].points.len(), 2);
         assert_eq!(drawn.x.range, Some((90.0, 100.0)));
     }
 }

@@ -335,3 +335,119 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
     assert_eq!(found["after"], 0, "{found}");
     assert_eq!(found["large"], 1, "{found}");
 }
+
+#[test]
+fn tables_sort_and_the_page_links_to_its_parts_and_files() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let run = Fixture::new();
+    run.record_short_arena("run.mcap", 12, 7);
+    let stress = "--stress noise=2/5/10/20";
+    run.run(&format!(
+        "score run.mcap --algo bm --algo v3 --algo blind {stress} --rerun none -o r"
+    ));
+    let page = "r/index.html";
+    let found = inspect(
+        &run,
+        page,
+        (1400, false),
+        "
+        const { document: page } = own, list = (what) => [...page.querySelectorAll(what)];
+        const cut = list('#stress .scroll').filter((own) => own.scrollWidth > own.clientWidth + 1);
+        const first = (what) => page.querySelector(`#stress ${what}`);
+        const order = first('table').compareDocumentPosition(first('.plots'));
+        const heads = list('thead th[scope=col]:not(:has(button, .cp))').length;
+        const table = page.querySelector('#speed table');
+        const column = [...table.rows[1].cells].findIndex((own) => own.textContent === 'p50');
+        const button = table.rows[1].cells[column].querySelector('button');
+        const texts = (i) => [...table.tBodies[0].rows].map((row) => row.cells[i].textContent);
+        button.click();
+        const down = texts(column).map(Number);
+        button.click();
+        const up = texts(column).map(Number);
+        table.rows[1].cells[0].querySelector('button').click();
+        const links = list('.contents a');
+        const broken = links.filter((a) => !page.querySelector(a.hash));
+        return { cut: cut.length, order, heads, down, up, names: texts(0), focus: button.tabIndex,
+          hidden: page.querySelector('.contents').hidden, broken: broken.length,
+          links: links.map((a) => a.textContent),
+          files: list('.files a').map((a) => a.getAttribute('href')) };
+        ",
+    );
+    let numbers = |name: &str| -> Vec<f64> { serde_json::from_value(found[name].clone()).unwrap() };
+    let (down, mut up) = (numbers("down"), numbers("up"));
+    assert!(
+        down.is_sorted_by(|a, b| a >= b) && down.len() == 3,
+        "{found}"
+    );
+    up.reverse();
+    assert_eq!(down, up, "{found}");
+    assert_eq!(found["names"], serde_json::json!(["blind", "bm", "v3"]));
+    // DOCUMENT_POSITION_FOLLOWING
+    assert_eq!(found["order"], 4, "{found}");
+    for name in ["cut", "heads", "focus", "broken"] {
+        assert_eq!(found[name], 0, "{name}: {found}");
+    }
+    assert_eq!(found["hidden"], false, "{found}");
+    let links = found["links"].as_array().unwrap();
+    assert!(links.contains(&"Against stress".into()) && links.contains(&"Speed".into()));
+    let files = found["files"].as_array().unwrap();
+    for file in files {
+        assert!(
+            run.path(&format!("r/{}", file.as_str().unwrap())).exists(),
+            "{file}"
+        );
+    }
+    assert!(files.contains(&"rows.csv".into()) && files.contains(&"summary.json".into()));
+}
+
+#[test]
+fn the_page_of_a_sweep_opens_two_algorithms() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let run = Fixture::new();
+    run.record_short_arena("run.mcap", 8, 7);
+    run.run("score run.mcap --algo bm:uniqueness=5..30/5 --rerun none -o r");
+    for (width, is_dark) in [(1400, true), (420, false)] {
+        let found = inspect(
+            &run,
+            "r/index.html",
+            (width, is_dark),
+            "
+            const list = (what) => [...own.document.querySelectorAll(what)];
+            const seen = (what) => list(what).filter((one) => one.checkVisibility()).length;
+            return { lanes: seen('.lane'), all: list('.lane').length, shots: seen('.shot'),
+              faults: faults(own) };
+            ",
+        );
+        let expected = serde_json::json!({ "lanes": 2, "all": 6, "shots": 2, "faults": [] });
+        assert_eq!(found, expected, "{width} px");
+    }
+}
+
+#[test]
+fn a_layer_of_drives_is_its_ways_and_its_rows() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let found = inspect(
+        &super::drive::driven(),
+        "r/index.html",
+        (1400, false),
+        "
+        const list = (what) => [...own.document.querySelectorAll(what)];
+        const isShown = (one) => !one.hidden && one.style.display !== 'none';
+        const seen = () => [list('#courses tbody tr'), list('[data-layer=blind]')].map(
+          (own) => own.filter(isShown).length);
+        const before = seen();
+        list('[data-show=blind]')[0].click();
+        const color = own.getComputedStyle(list('#courses .good')[0]).color;
+        const plain = own.getComputedStyle(own.document.body).color;
+        return { before, after: seen(), colored: color !== plain };
+        ",
+    );
+    let expected = serde_json::json!({ "before": [4, 2], "after": [2, 0], "colored": true });
+    assert_eq!(found, expected);
+}

@@ -29,8 +29,16 @@ fn copies_are_scored_once_and_reported() {
     let fixture = copied();
     let names = "run.mcap copy.mcap packed.mcap cut.mcap ros.mcap";
     let score = format!("score {names} --algo v3 --rerun none");
-    let copies = ["copy.mcap", "packed.mcap", "ros.mcap"].map(|copy| {
-        format!("{copy}: 12 pairs dropped: copies of pairs of run.mcap, which are taken once")
+    let copies = [
+        ("copy", ""),
+        (
+            "packed",
+            " (likewise 2 others, numbers differ: cut.mcap, ros.mcap)",
+        ),
+    ];
+    let copies = copies.map(|(copy, others)| {
+        let words = "12 pairs dropped: copies of pairs of run.mcap, which are taken once";
+        format!("{copy}.mcap: {words}{others}")
     });
     // Shards score what the whole run does. Perturbed, the pairs are those of the recording still.
     let words = "copies of pairs of run.mcap, each scored once";
@@ -169,7 +177,7 @@ fn scores_on_what_was_fitted_to_are_warned_of() {
 fn recordings_of_the_same_moments_are_warned_of() {
     let fixture = Fixture::new();
     fixture.write_euroc("60.0");
-    for (recording, shift) in [("a.mcap", 3), ("b.mcap", 4)] {
+    for (recording, shift) in [("a.mcap", 3), ("b.mcap", 4), ("c.mcap", 5)] {
         for (camera, shift) in [("cam0", 0), ("cam1", shift)] {
             let csv =
                 "#timestamp [ns],filename\n1700000000000000000,a.pgm\n1700000000050000000,b.pgm\n";
@@ -181,9 +189,14 @@ fn recordings_of_the_same_moments_are_warned_of() {
         fixture.run(&format!("record . --calib none -q -o {recording}"));
     }
     fixture.transcript(
-        "score a.mcap b.mcap --algo v3:max_disparity=8 --rerun none -o r => 0~ \
-        b.mcap: has pairs with the stamps of pairs of a.mcap, but other pixels",
+        "score a.mcap b.mcap c.mcap --algo v3:max_disparity=8 --rerun none -o r => 0~ \
+        1x b.mcap: has pairs with the stamps of pairs of a.mcap, but other pixels \
+        | 1x c.mcap: has pairs with the stamps of pairs of a.mcap
+        cat r/index.html => 1x has pairs with the stamps | (likewise 1 other: c.mcap)
+        cat r/summary.md => 1x has pairs with the stamps | (likewise 1 other: c.mcap)",
     );
+    let warnings = fixture.json_file("r/summary.json")["warnings"].to_string();
+    assert_eq!(warnings.matches("has pairs with the stamps").count(), 2);
 }
 
 #[test]

@@ -35,6 +35,31 @@ fn tables_count_the_scored_pairs_of_folders_and_recordings() {
 }
 
 #[test]
+fn info_and_score_count_the_same_cells() {
+    let fixture = Fixture::new();
+    for i in 0..2 {
+        let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{i}.pgm"));
+        fixture.write_pair(&left, &right, (64, 32), i);
+        // The right half is without a truth.
+        let mut truth = b"Pf\n64 32\n-1.0\n".to_vec();
+        let pixels = (0..64 * 32).map(|i| if i % 64 < 32 { 5.0 } else { f32::INFINITY });
+        truth.extend(pixels.flat_map(f32::to_le_bytes));
+        fixture.write(&format!("p/truth/{i}.pfm"), truth);
+    }
+    fixture.run("record p --truth truth/*.pfm:disparity=1 -q -o p.mcap");
+    let info = fixture.json("info p.mcap --json");
+    let truth = &info["first_pairs"]["truths"][0];
+    let (scored, cells) = (&truth["scored_cells"], &truth["cells"]);
+    assert!(scored.as_u64() < Some(30) && *cells == 30, "{truth}");
+    fixture.transcript(&format!(
+        "info p.mcap => cells {cells}
+        score p.mcap --algo v3:max_disparity=8 --rerun none -q -o r => \
+        {scored} of {cells} cells scored
+        cat r/summary.json => /algorithms/0/scored_cells = {scored}"
+    ));
+}
+
+#[test]
 fn without_truth_no_count_passes_a_gate() {
     let fixture = one_of_four_with_truth();
     for metric in "blind close missed false found wrong right".split(' ') {

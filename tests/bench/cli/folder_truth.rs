@@ -191,7 +191,7 @@ fn disparity_images_are_read_as_such() {
     }
     // Without a calibration, disparities are a truth all the same.
     fixture.transcript(
-        "info w => truth           disp_occ_0/*.png, cells 15, disparity (min 8.00 px, \
+        "info w => truth at start  disp_occ_0/*.png, cells 15, disparity (min 8.00 px, \
         median 8.00 px
         rm w/calib.txt
         info w => scored cells 15 | max 8.00 px",

@@ -48,7 +48,7 @@ fn the_first_pairs_answer_the_first_questions() {
         /stereo/right/image_rect\\n | images          320x240 px\\nfocal length    328.05 px, \
         328.05 px\\nbaseline        0.0440 m\\n \
         | nearest         v5, distance 0.1804 m, max disparity 80 px\\n \
-        | truth           /truth/depth, cells 45,
+        | truth at start  /truth/depth, cells 45,
         info mav0 --json => /first_pairs/geometry = raw | /first_pairs/truths = [] \
         | /first_pairs/chain = [\"distinct\", \"rectify\", \"check\"] \
         | /first_pairs/focal_px = [60.0, 57.0]

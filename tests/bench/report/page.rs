@@ -39,6 +39,7 @@ fn page(summary: Results) -> ReportPage {
         replays: Default::default(),
         cases: None,
         maps: Vec::new(),
+        files: Vec::new(),
     }
 }
 
@@ -172,13 +173,14 @@ fn the_answer_comes_before_frames_and_all_else_is_folded() {
         (GateState::Fail, "broken".into()),
     ];
     let html = page.render().unwrap();
-    let ids = "headline plot frames algorithms metrics speed gate cite made";
+    let ids = "headline frames algorithms metrics speed gate cite made";
     let order = places(&html, &ids.split(' ').collect::<Vec<_>>());
     assert!(order.is_sorted(), "{order:?}");
-    // Failed limits are not hidden. The other algorithm has no truth.
+    // Failed limits are not hidden. The other algorithm has no truth, and one dot is no plot.
     assert_words(
         &html,
-        "8x <details | 1x <details id=\"gate\" open> | 1x <a href=\"#gate\"> \
+        "7x <details | !id=\"plot\" | 1x <details id=\"gate\" data-contents=\"Gate\" open> \
+        | 2x <a href=\"#gate\"> \
         | 1x <tr data-algorithm=\"v3\"> | 1x class=\"stack\" | 2x class=\"time\"",
     );
 }
@@ -239,7 +241,11 @@ fn probabilities_have_a_reliability_plot() {
     };
     let without = page(summary.clone()).render().unwrap();
     assert_words(&without, "!id=\"reliability\"");
-    summary.reliability = vec![row(0.9, 0.925, 19), row(0.925, 0.95, 20)];
+    summary.reliability = vec![
+        row(0.9, 0.925, 19),
+        row(0.925, 0.95, 20),
+        row(0.95, 0.975, 20),
+    ];
     let html = page(summary).render().unwrap();
     assert_words(&html, "id=\"reliability\" | 92.5–95 | predicted right, %");
 }

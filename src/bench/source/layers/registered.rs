@@ -28,8 +28,8 @@ struct RegisteredPairs {
     by_stamps: HashMap<[u64; 2], Vec<usize>>,
     /// The first run with these pixels, whatever their stamps.
     by_pixels: HashMap<u128, usize>,
-    /// Runs that share stamps or pixels, which the user was warned of.
-    same_moments: BTreeSet<[usize; 2]>,
+    /// Runs that share stamps or pixels with an earlier one, which the user was warned of.
+    same_moments: BTreeSet<usize>,
     /// Pairs of a run that belong to an earlier one.
     copies: BTreeMap<[usize; 2], u64>,
     learned: Vec<LearnedNumbers>,
@@ -103,7 +103,7 @@ impl PairRegister {
 }
 
 impl RegisteredPairs {
-    /// Warns once of two runs that share stamps or pixels of pairs which are no copies. Stamps of
+    /// Warns once of a run that shares stamps or pixels of pairs which are no copies. Stamps of
     /// simulations are alike in all, so that only those of one seed are of the same moments.
     fn warn_of_same_moments(&mut self, run: usize, id: PairId) {
         let others = self.by_stamps.entry(id.stamps_ns).or_default();
@@ -117,7 +117,7 @@ impl RegisteredPairs {
                 Some(_) => simulated == first_simulated,
                 None => id.stamps_ns[0] >= MIN_CLOCK_NS,
             };
-            if is_same && self.same_moments.insert([run, other]) {
+            if is_same && self.same_moments.insert(run) {
                 tracing::warn!(
                     "{name}: has pairs with the stamps of pairs of {first}, but other pixels: what \
                      both recordings show counts twice"
@@ -125,7 +125,7 @@ impl RegisteredPairs {
             }
         }
         let other = *self.by_pixels.entry(id.pixels).or_insert(run);
-        if other != run && self.same_moments.insert([run, other]) {
+        if other != run && self.same_moments.insert(run) {
             let [(name, _), (first, _)] = [&self.runs[run], &self.runs[other]];
             tracing::warn!(
                 "{name}: has pairs with the pixels of pairs of {first}, but other stamps: if one \

@@ -86,6 +86,8 @@ pub struct RunSource {
     pub latency: Vec<TopicDelay>,
     /// Scenario and seed of the simulation that a recording is of.
     simulated: Option<String>,
+    /// Width and height of the images of its first frame, pixels.
+    pub size: Option<(usize, usize)>,
     start_ns: u64,
     stress: Option<Stress>,
     /// Number and stamp of the last pair that was read.
@@ -103,6 +105,7 @@ impl RunSource {
         let first = source.next();
         let stamp_ns = first.iter().flatten().map(|frame| frame.stamp_ns).next();
         Ok(Self {
+            size: first.iter().flatten().map(|frame| frame.pair.size()).next(),
             start_ns: source.start_ns().or(stamp_ns).unwrap_or_default(),
             source: ReadAhead::new(source, Some(first)),
             chain: chain_words,

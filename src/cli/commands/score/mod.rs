@@ -14,12 +14,14 @@ use clap::builder::NonEmptyStringValueParser;
 use sizes::SizeArgs;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard};
+use svl::evaluation::{
+    Again, Algorithms, ChosenViewer, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard,
+};
 use svl::outputs::{Outputs, write};
 use svl::report::{BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
-use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
+use svl::sink::{RerunDetail, RerunTarget, next_report_run};
 
 /// Score algorithms on a scenario or on recordings into a report
 ///
@@ -150,7 +152,8 @@ pub(crate) struct Args {
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
     /// A new viewer, a running one, a file, or none [default: run-N.rrd in the report, a file for
-    /// each session, with the maps of every 30th pair and of every 10th that shows a checkpoint].
+    /// each session, with the maps of every 30th pair and of every 10th that shows a checkpoint;
+    /// none above 2000 pairs or 200 MB].
     #[arg(long, value_name = "WHERE", help_heading = "Output")]
     rerun: Option<RerunChoice>,
     /// Score only the I-th of N parts of the run
@@ -415,10 +418,7 @@ fn check_kind(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
 }
 
 /// The viewer that shows the run, and where: one that was asked for gets the maps of all pairs.
-fn chosen_viewer(
-    args: &Args,
-    folder: &Path,
-) -> anyhow::Result<Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>> {
+fn chosen_viewer(args: &Args, folder: &Path) -> anyhow::Result<Option<ChosenViewer>> {
     Ok(match &args.rerun {
         None => {
             let file = RerunTarget::File(next_report_run(folder));

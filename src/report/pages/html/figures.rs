@@ -37,6 +37,8 @@ pub struct ReportPage {
     pub cases: Option<Table>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
+    /// Names of the files beside the page.
+    pub files: Vec<String>,
 }
 
 impl ReportPage {

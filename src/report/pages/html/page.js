@@ -1,4 +1,4 @@
-// Chooses frames, enlarges their pictures, sorts the headline table: without it all are there.
+// Chooses frames, enlarges their pictures, sorts the tables: without it all are there.
 const all = (selector, from = document) => [...from.querySelectorAll(selector)];
 const root = document.documentElement;
 const chooser = document.querySelector(".chooser");
@@ -115,30 +115,53 @@ function enlarge(svg) {
   dialog.showModal();
 }
 
-// The sum of the numbers of a cell: a single one, or those of its squares.
+// The first number of a cell.
 function value(cell) {
-  const numbers = (cell.dataset.value ?? cell.textContent).match(/-?\d[\d.]*(e-?\d+)?/g);
-  return numbers ? numbers.reduce((sum, number) => sum + Number(number), 0) : NaN;
+  const text = cell?.dataset.value ?? cell?.textContent ?? "";
+  return Number(text.match(/-?\d[\d.]*(e-?\d+)?/)?.[0] ?? NaN);
 }
 
+// Sorts a table by a column: numbers as numbers, and cells without one last; names as texts.
 function sort(head) {
-  const rows = all("#headline tbody tr"), column = head.cellIndex;
+  const body = head.closest("table").tBodies[0], rows = [...body.rows], column = head.cellIndex;
+  const isText = column === 0 || head.matches(".text") && !rows.some((row) => row.cells[column].dataset.value);
   const order = head.getAttribute("aria-sort"), { first } = head.firstElementChild.dataset;
   // The best first, at the second click the worst.
-  const isDown = order ? order === "ascending" : first !== "ascending";
-  for (const other of all("#headline th")) other.removeAttribute("aria-sort");
+  const isDown = order ? order === "ascending" : first !== "ascending" && !isText;
+  for (const other of all("th", head.parentNode)) other.removeAttribute("aria-sort");
   head.setAttribute("aria-sort", isDown ? "descending" : "ascending");
-  const compare = (a, b) => {
-    const [x, y] = [a, b].map((row) => value(row.cells[column]));
-    if (column === 0) return b.cells[0].textContent.localeCompare(a.cells[0].textContent, "en", { numeric: true });
-    return Number.isNaN(x) || Number.isNaN(y) ? 0 : y - x;
-  };
-  const isNone = (row) => column > 0 && Number.isNaN(value(row.cells[column]));
+  const words = (row) => row.cells[column].textContent;
+  const compare = (a, b) => isText
+    ? words(b).localeCompare(words(a), "en", { numeric: true })
+    : value(b.cells[column]) - value(a.cells[column]);
+  const isNone = (row) => !isText && Number.isNaN(value(row.cells[column]));
   const sorted = rows.filter((row) => !isNone(row));
   sorted.sort((a, b) => (isDown ? compare(a, b) : compare(b, a)));
-  rows[0].parentNode.append(...sorted, ...rows.filter(isNone));
-  document.getElementById("order")?.remove();
+  body.append(...sorted, ...rows.filter(isNone));
+  if (head.closest("#headline")) document.getElementById("order")?.remove();
 }
+
+// Every heading of a column is a button.
+for (const head of all("thead th[scope=col]:not(:has(button, .cp))")) {
+  if (head.closest(".heat")) continue;
+  const button = document.createElement("button");
+  button.append(...head.childNodes);
+  head.append(button);
+}
+
+// Shows the drives of the chosen algorithms: their ways on the maps, and their rows.
+function layer() {
+  const shown = all("[data-show][aria-pressed=true]").map((button) => button.dataset.show);
+  for (const own of all("[data-layer]")) own.style.display = shown.includes(own.dataset.layer) ? "" : "none";
+  for (const row of all("#courses tbody tr")) row.hidden = !shown.includes(row.cells[1].textContent);
+}
+const layers = all("[data-show]");
+if (layers.length > 3) layers.slice(2).forEach((button) => button.setAttribute("aria-pressed", false));
+if (layers.length) layer();
+
+// Contents are for long pages.
+const contents = document.querySelector(".contents");
+contents.hidden = root.scrollHeight < 3 * innerHeight;
 
 // Opens what a fragment names: the frame of a square, a figure or a folded part.
 function go(fragment, algorithm) {
@@ -168,7 +191,7 @@ document.addEventListener("click", (event) => {
   if (svg) return enlarge(svg);
   const button = event.target.closest("button, a");
   if (!button) return;
-  const { choose: id, toggle, rank, figure, algorithm, step: by } = button.dataset;
+  const { choose: id, toggle, rank, show: drive, figure, algorithm, step: by } = button.dataset;
   if (button.matches(".bin")) {
     tell(document.getElementById("bin"), button.dataset.command, button.title);
     if (button.hash === "#bin") return event.preventDefault();
@@ -179,7 +202,10 @@ document.addEventListener("click", (event) => {
     button.setAttribute("aria-pressed", !isPressed(button));
   else if (button.matches(".copy")) navigator.clipboard?.writeText(button.previousElementSibling.textContent);
   else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
-  else if (rank) state.rank = rank;
+  else if (drive) {
+    button.setAttribute("aria-pressed", !isPressed(button));
+    layer();
+  } else if (rank) state.rank = rank;
   else if (figure) {
     history.replaceState(null, "", button.hash);
     go(button.hash);
@@ -187,7 +213,7 @@ document.addEventListener("click", (event) => {
   } else if (button.id === "all") {
     document.getElementById("headline").classList.remove("long");
     button.parentNode.remove();
-  } else if (button.closest("#headline thead")) sort(button.closest("th"));
+  } else if (button.closest("thead")) sort(button.closest("th"));
   else if (button.hash) {
     go(button.hash, algorithm);
     event.preventDefault();

@@ -151,8 +151,8 @@ pub(crate) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<Str
             });
             let x = Axis::new(format!("{}, {}", kind.name, kind.unit));
             let chart = Chart::untitled(x, Axis::new(number.heading()), series);
-            let view = || PlotView::new(number.words, "", chart.svg_in(colors));
-            (!chart.series.is_empty()).then(view)
+            let view = |chart: Chart| PlotView::new(number.words, "", chart.svg_in(colors));
+            chart.if_any().map(view)
         });
         (kind.name, kind.summary, plots.collect())
     };
@@ -171,8 +171,8 @@ pub(crate) fn maps(
     shown.collect()
 }
 
-/// The algorithms but the references as discs, those of a sweep joined; absent where no algorithm
-/// has both numbers.
+/// The algorithms but the references as discs, those of a sweep joined; absent where less than two
+/// algorithms have both numbers.
 fn scatter(
     page: &ReportPage,
     trade_off: &TradeOff,
@@ -186,9 +186,6 @@ fn scatter(
         x.zip(y)
     };
     let placed: Vec<_> = algorithms.filter_map(|a| Some((a, place(&a)?))).collect();
-    if placed.is_empty() {
-        return None;
-    }
     let find = |label: &str| {
         let own = placed.iter().find(|(a, _)| a.algorithm == label);
         own.map(|(_, point)| *point)
@@ -211,7 +208,7 @@ fn scatter(
         series.extend(page.sweeps.iter().flat_map(|sweep| joined(sweep, find)));
     }
     let [x, y] = trade_off.axes.map(|axis| axis.axis());
-    let chart = Chart::untitled(x, y, series);
+    let chart = Chart::untitled(x, y, series).if_any()?;
     // Equal ones share a point.
     let name = |_: &Series, point| {
         let own = placed.iter().filter(|(_, own)| *own == point);
@@ -252,14 +249,18 @@ impl PlotAxis {
     }
 }
 
-/// A sweep as a line with its values. Its first point names it.
+/// A sweep with its values. Its first point names it. A line joins its points if they go one way:
+/// noise would make it a zigzag.
 fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> Vec<Series> {
     let points = sweep.points.iter();
     let places: Vec<_> = points
         .filter_map(|(value, label)| Some((value, label, find(label)?)))
         .collect();
-    let points = places.iter().map(|(.., point)| *point);
-    let line = Series::new(&sweep.algorithm, SeriesStyle::Joined, points);
+    let points = || places.iter().map(|(.., point)| *point);
+    let is_ordered = points().is_sorted_by(|a, b| a.0 <= b.0);
+    let is_ordered = is_ordered || points().is_sorted_by(|a, b| a.0 >= b.0);
+    let line = || Series::new(&sweep.algorithm, SeriesStyle::Joined, points());
+    let line = is_ordered.then(line);
     let label = |(i, (value, label, point)): (usize, &(&String, &String, (f64, f64)))| {
         // A label without settings is how the algorithm is called in the tables.
         let value = if label.contains(':') {
@@ -275,7 +276,7 @@ fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> 
     };
     let labels = places.iter().enumerate().map(label);
     let shaded = places.iter().map(|(_, label, point)| shaded(label, *point));
-    std::iter::once(line).chain(shaded).chain(labels).collect()
+    line.into_iter().chain(shaded).chain(labels).collect()
 }
 
 /// A point in the colour of its algorithm.
@@ -299,7 +300,7 @@ pub(crate) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
         Series::new(&a.algorithm, SeriesStyle::Both, points)
     });
     let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
-    let chart = Some(Chart::untitled(x, y, series)).filter(|chart| !chart.series.is_empty());
+    let chart = Chart::untitled(x, y, series).if_any();
     let about = "Median absolute error of the cells in each range of true distances.";
     let plot = |chart: Chart| PlotView::new("Error against distance", about, chart.svg_in(colors));
     chart.map(plot).into_iter().collect()

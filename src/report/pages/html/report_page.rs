@@ -52,6 +52,29 @@ impl ReportPage {
             ("page.js", include_str!("page.js")),
         ];
         let (page, style) = (include_str!("index.html"), include_str!("page.css"));
-        fill(page, style, &parts, view::view(self))
+        let page = fill(page, style, &parts, view::view(self))?;
+        Ok(page.replacen("<!-- contents -->", &contents(&page), 1))
+    }
+}
+
+/// Links to the parts of a page that have a heading for its contents.
+fn contents(page: &str) -> String {
+    let links = page.split(" id=\"").filter_map(|part| {
+        let (id, rest) = part.split_once("\" data-contents=\"")?;
+        let (title, _) = rest.split_once('"')?;
+        let is_own = !id.contains('"');
+        is_own.then(|| format!("<a href=\"#{id}\">{title}</a>\n"))
+    });
+    links.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::contents;
+
+    #[test]
+    fn contents_are_the_parts_with_a_heading() {
+        let page = "<i id=\"a\" title=\"x\"><section id=\"b\" data-contents=\"B &lt;\">";
+        assert_eq!(contents(page), "<a href=\"#b\">B &lt;</a>\n");
     }
 }

@@ -16,6 +16,7 @@ use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
 use svl_files::overlay::{REFERENCE_COLOR, viridis};
 use svl_score::judge::ColumnChoice;
+use svl_score::notice::grouped;
 
 pub(crate) fn view(page: &ReportPage) -> Value {
     let ReportPage {
@@ -51,6 +52,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     let said: Vec<_> = manifest.doubts.iter().map(Doubt::to_string).collect();
     let warnings = manifest.warnings.iter();
     let warnings = warnings.filter(|warning| !said.iter().any(|own| warning.contains(own)));
+    let warnings = grouped(warnings.cloned());
     // An empty line ends a paragraph, as in Markdown.
     let paragraphs = page.description.split("\n\n").map(str::trim);
     context! {
@@ -74,11 +76,11 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
         runs => shots().map(|(_, shot)| run_name(&shot.row)).collect::<BTreeSet<_>>(),
         has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
-        doubts => doubts.collect::<Vec<_>>(), warnings => warnings.collect::<Vec<_>>(),
+        doubts => doubts.collect::<Vec<_>>(), warnings,
         has_choice => page.figures.iter().any(has_choice), figures,
         scenes => scenes.iter().map(|scene| scene_view(scene, place)).collect::<Vec<_>>(),
         errors => error_key(), ramp => stops.collect::<Vec<_>>().join(", "),
-        images => images.into_views(),
+        images => images.into_views(), files => page.files,
     }
 }
 

@@ -95,6 +95,13 @@ impl Canvas {
         let _ = writeln!(self.0, "<{element} {}/>", paint.attributes());
     }
 
+    /// Elements of a layer that a page may hide.
+    pub fn layer(&mut self, name: &str, draw: impl FnOnce(&mut Self)) {
+        let _ = writeln!(self.0, "<g data-layer=\"{}\">", escape(name));
+        draw(self);
+        self.0 += "</g>\n";
+    }
+
     /// A rectangle between two corners.
     pub fn rectangle(&mut self, [(x, y), (right, bottom)]: [Point; 2], paint: Paint) {
         let (width, height) = (right - x, bottom - y);

@@ -110,6 +110,17 @@ impl Chart {
         }
     }
 
+    /// The chart, if it shows more than dots: of lines one with two points, else two points.
+    pub fn if_any(self) -> Option<Self> {
+        let is_joined = |own: &&Series| matches!(own.form, SeriesStyle::Line | SeriesStyle::Both);
+        let points = |own: &Series| own.points.iter().filter(|point| self.shows(point)).count();
+        let marks = self.series.iter().filter(|own| own.form.radius().is_some());
+        let dots: usize = marks.filter(|own| !is_joined(own)).map(points).sum();
+        let mut lines = self.series.iter().filter(is_joined);
+        let is_any = dots > 1 || lines.any(|line| points(line) > 1);
+        is_any.then_some(self)
+    }
+
     /// The plot as an SVG document.
     pub fn svg(&self) -> String {
         self.svg_in(&AlgorithmColors::new([]))
@@ -412,6 +423,18 @@ mod tests {
                 chart.svg();
             }
         }
+    }
+
+    #[test]
+    fn a_chart_of_dots_alone_is_not_drawn() {
+        let one = |form| series("v3", form, &[(1.0, 1.0), (f64::NAN, 1.0)]);
+        let is_drawn = |series: &[Series]| chart_of(series.to_vec()).if_any().is_some();
+        let (both, disc) = (one(SeriesStyle::Both), one(SeriesStyle::Disc(9)));
+        let diagonal = series("", SeriesStyle::Front, &[(0.0, 0.0), (1.0, 1.0)]);
+        assert!(!is_drawn(&[both.clone(), both, diagonal]));
+        assert!(!is_drawn(&[disc.clone()]));
+        assert!(is_drawn(&[disc.clone(), disc]));
+        assert!(chart(&[(0.0, 1.0), (2.0, 3.0)]).if_any().is_some());
     }
 
     #[test]

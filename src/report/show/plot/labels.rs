@@ -31,8 +31,9 @@ pub(crate) fn write(
                 .for_each(|p| labels.avoid(p, 4));
         }
     }
-    // In the order of importance: an algorithm's name is always drawn, the label of a sweep's value
-    // only where nothing is covered.
+    // In the order of importance: an algorithm's name is omitted where it would cover another text,
+    // the label of a sweep's value where it would cover anything. Tooltips have all names.
+    labels.marks = labels.taken.len();
     let turn = |form| match form {
         SeriesStyle::Named | SeriesStyle::Disc(_) => Some((0, 3)),
         SeriesStyle::Caption => Some((1, 3)),
@@ -46,7 +47,7 @@ pub(crate) fn write(
     for (_, away, series) in turns {
         for point in series.points.iter().filter_map(&place) {
             let (at, hidden) = labels.place(&series.name, point, radius(series.form), away);
-            if series.form == SeriesStyle::Label && hidden > 0 {
+            if series.form == SeriesStyle::Label && hidden > 0 || labels.is_cut() {
                 labels.withdraw();
             } else {
                 canvas.text(&series.name, at, SIZE, LEFT);
@@ -75,6 +76,8 @@ type Area = [i32; 4];
 struct Labels {
     bounds: Area,
     taken: Vec<Area>,
+    /// Number of the areas that are no texts.
+    marks: usize,
     size: u32,
 }
 
@@ -84,6 +87,7 @@ impl Labels {
         Self {
             bounds,
             taken: Vec::new(),
+            marks: 0,
             size,
         }
     }
@@ -136,6 +140,15 @@ impl Labels {
         ((area[0], (area[1] + area[3]) / 2), hidden)
     }
 
+    /// True if the last text covers part of another, or leaves the bounds.
+    fn is_cut(&self) -> bool {
+        let Some((last, others)) = self.taken[self.marks..].split_last() else {
+            return false;
+        };
+        let is_inside = shared(last, &self.bounds) == shared(last, last);
+        !is_inside || others.iter().any(|other| shared(last, other) > 0)
+    }
+
     /// Gives back the room of the last text, which is not drawn.
     fn withdraw(&mut self) {
         self.taken.pop();
@@ -184,6 +197,8 @@ mod tests {
     fn a_text_without_room_is_reported() {
         let mut labels = Labels::new([0, 0, 60, 30], 20);
         labels.place("abcde", (10, 10), 8, 3);
+        assert!(!labels.is_cut());
         assert!(labels.place("abcde", (10, 10), 8, 3).1 > 0);
+        assert!(labels.is_cut());
     }
 }

@@ -86,27 +86,27 @@ impl CourseMap {
         for outline in &self.outlines {
             canvas.path(places(outline), fill(AXIS, 1.0), "");
         }
-        for way in &self.ways {
-            if let Some(sector) = &way.sector {
-                let corners = places(&self.sector(sector));
-                canvas.path(corners, fill(color(way), 1.0).faint(), "");
-            }
-        }
         let goal = [[0.0, self.goal_m], [self.size_m.0, self.goal_m]];
         canvas.path(places(&goal), line(AXIS, 2), "");
         for way in &self.ways {
-            for stretch in &way.stretches {
-                canvas.path(places(stretch), line(color(way), 3), "");
-            }
-            for (x, y) in places(&way.collisions) {
-                for down in [CROSS, -CROSS] {
-                    let ends = [(x - CROSS, y - down), (x + CROSS, y + down)];
-                    canvas.path(ends, line(color(way), 5), "");
+            canvas.layer(&way.name, |canvas| {
+                if let Some(sector) = &way.sector {
+                    let corners = places(&self.sector(sector));
+                    canvas.path(corners, fill(color(way), 1.0).faint(), "");
                 }
-            }
-            for at in places(&way.stuck) {
-                canvas.circle(at, CROSS as u32, line(color(way), 3), "");
-            }
+                for stretch in &way.stretches {
+                    canvas.path(places(stretch), line(color(way), 3), "");
+                }
+                for (x, y) in places(&way.collisions) {
+                    for down in [CROSS, -CROSS] {
+                        let ends = [(x - CROSS, y - down), (x + CROSS, y + down)];
+                        canvas.path(ends, line(color(way), 5), "");
+                    }
+                }
+                for at in places(&way.stuck) {
+                    canvas.circle(at, CROSS as u32, line(color(way), 3), "");
+                }
+            });
         }
     }
 

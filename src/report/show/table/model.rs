@@ -190,7 +190,7 @@ impl TableCell {
     }
 
     /// The cell without pictures.
-    pub(super) fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         match self {
             Self::Text(text) | Self::Alert(text) => printable_line(text),
             Self::Time { ms: time_ms, mark } => ms(*time_ms) + mark,
