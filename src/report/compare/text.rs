@@ -11,6 +11,8 @@ use crate::show::words::NONE;
 use svl_core::{counted, joined};
 use svl_score::judge::{ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
+/// The unit of differences of shares.
+const POINTS: &str = "points";
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
 
@@ -195,7 +197,7 @@ impl Comparison {
             for own in &self.algorithms {
                 let extent = format!("{}: {}", own.title(), own.extent());
                 text.push('\n');
-                let lines = [extent].into_iter().chain(own.course_words());
+                let lines = [extent].into_iter().chain(own.item_words());
                 text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
                 text += &own.table(columns).terminal(style);
             }
@@ -212,12 +214,13 @@ impl Comparison {
                 .any(|own| own.change(metric).is_some())
         });
         let mut table = Table::new("", "change");
-        table
-            .columns
-            .extend(metrics.iter().map(|metric| TableColumn {
+        table.columns.extend(metrics.iter().map(|metric| {
+            let [group, head] = [metric.group, metric.head].map(|w| w.replace('%', POINTS));
+            TableColumn {
                 is_optional: !is_ranked(metric),
-                ..TableColumn::text(metric.group, metric.head)
-            }));
+                ..TableColumn::text(group, head)
+            }
+        }));
         for own in &self.algorithms {
             let cells = metrics.iter().map(|metric| own.change(metric));
             let cells = cells.map(|change| match change {
@@ -254,11 +257,12 @@ impl Comparison {
     pub fn markdown(&self) -> String {
         let word = self.conclusion.word();
         let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
-        let courses = self.algorithms.iter();
-        let courses = courses.filter_map(AlgorithmChange::course_words);
-        let courses = courses.collect::<Vec<_>>().join("; ");
+        let changed = self.algorithms.iter();
+        let changed = changed.filter(|own| own.equal_results < own.pairs);
+        let items = changed.filter_map(|own| Some(self.title(own) + &own.item_words()?));
+        let items = items.collect::<Vec<_>>().join("; ");
         let [not_compared, caution] = self.remarks();
-        let notes = [not_compared.unwrap_or_default(), courses].map(|note| escape_prose(&note));
+        let notes = [not_compared.unwrap_or_default(), items].map(|note| escape_prose(&note));
         let notes = notes.into_iter().filter(|note| !note.is_empty());
         let said: Vec<_> = [format!("**{word}**{reason}")]
             .into_iter()
@@ -304,14 +308,19 @@ impl Comparison {
         changes: impl Fn(&'a AlgorithmChange) -> Vec<&'a Change>,
     ) -> Vec<(String, &'a Change)> {
         let named = self.algorithms.iter().flat_map(|own| {
-            let title = match self.algorithms.len() {
-                1 => String::new(),
-                _ => own.labels() + " ",
-            };
+            let title = self.title(own);
             let changes = changes(own).into_iter();
             changes.map(move |change| (title.clone() + &change.name(), change))
         });
         named.collect()
+    }
+
+    /// The labels of an algorithm before words of it, where there are several.
+    fn title(&self, own: &AlgorithmChange) -> String {
+        match self.algorithms.len() {
+            1 => String::new(),
+            _ => own.labels() + " ",
+        }
     }
 
     /// True if all pairs have equal results.
@@ -417,6 +426,19 @@ impl AlgorithmChange {
         change_table(&rows.map(|own| (own.name(), own)).collect::<Vec<_>>())
     }
 
+    /// The table with a bar for each interval, behind the change.
+    pub(super) fn drawn_table(&self, columns: &ColumnChoice) -> Table {
+        let (mut table, rows) = (self.table(columns), self.rows(columns));
+        if rows.iter().any(|change| change.interval.is_some()) {
+            table.columns.insert(4, TableColumn::text("", ""));
+            for (row, change) in table.rows.iter_mut().zip(&rows) {
+                let bar = interval_cell(change, &rows);
+                row.insert(4, bar.unwrap_or(TableCell::Text(String::new())));
+            }
+        }
+        table
+    }
+
     /// The label of the algorithm, or those of two.
     pub(super) fn labels(&self) -> String {
         if self.other_algorithm == self.algorithm {
@@ -441,9 +463,15 @@ impl AlgorithmChange {
     }
 
     /// The courses that changed, in a line.
-    pub(super) fn course_words(&self) -> Option<String> {
+    fn course_words(&self) -> Option<String> {
         let words = self.courses.as_ref()?.words();
         Some(words).filter(|words| !words.is_empty())
+    }
+
+    /// The courses that changed, or the numbers of frames that did.
+    pub(super) fn item_words(&self) -> Option<String> {
+        let frames = self.frames.filter(|own| own.unscored < self.pairs);
+        self.course_words().or_else(|| Some(frames?.words()))
     }
 
     /// Pairs that the second report alone failed on, in words.
@@ -520,6 +548,32 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
     table
 }
 
+/// The difference of a change with its interval; all of a unit have one scale.
+fn interval_cell(change: &Change, all: &[&Change]) -> Option<TableCell> {
+    // Of times a ratio.
+    let zero = if change.metric.unit == MetricUnit::Ms {
+        1.0
+    } else {
+        0.0
+    };
+    let is_alike = |own: &&&Change| {
+        own.metric.unit == change.metric.unit
+            && own.checkpoint.is_some() == change.checkpoint.is_some()
+    };
+    let alike = all.iter().filter(is_alike);
+    let ends = alike.filter_map(|own| own.interval);
+    let reach = ends.fold(f64::MIN_POSITIVE, |reach, (low, high)| {
+        reach.max((low - zero).abs()).max((high - zero).abs())
+    });
+    let (low, high) = change.interval?;
+    let place = |value: f64| 50.0 + 48.0 * (value - zero) / reach;
+    Some(TableCell::Interval {
+        low: place(low),
+        high: place(high),
+        value: place(change.difference),
+    })
+}
+
 impl Change {
     /// The difference, and the word of one that is told from chance.
     fn cell(&self) -> TableCell {
@@ -560,15 +614,16 @@ impl Change {
     }
 }
 
-fn unitless(metric: &Metric, difference: f64) -> String {
+/// A difference with its sign, without its unit.
+pub fn unitless(metric: &Metric, difference: f64) -> String {
     let text = signed(metric, difference);
     text.split(' ').next().unwrap_or_default().to_owned()
 }
 
 /// A difference with its sign, also where it rounds to 0: a bound of `-0.0` excludes 0. Of times a
-/// ratio.
-pub fn signed(metric: &Metric, v: f64) -> String {
-    let shown = metric.show(v.abs());
+/// ratio, of shares in points.
+fn signed(metric: &Metric, v: f64) -> String {
+    let shown = metric.show(v.abs()).replace('%', POINTS);
     match metric.unit {
         MetricUnit::Ms => metric.show_relative(v),
         _ if v < 0.0 => format!("-{shown}"),

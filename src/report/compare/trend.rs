@@ -7,6 +7,8 @@ use crate::show::page::parts::fill;
 use crate::show::page::plot_view::PlotView;
 use crate::show::plot::chart::{Axis, Chart};
 use crate::show::plot::series::{AlgorithmColors, Series, SeriesStyle};
+use crate::show::table::model::Table;
+use crate::show::words::NONE;
 use crate::subjects::drives;
 use minijinja::context;
 use serde::Serialize;
@@ -14,7 +16,7 @@ use std::collections::BTreeSet;
 use svl_core::{Result, counted, joined};
 use svl_score::bootstrap::{Interval, RunLengths};
 use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
-use svl_score::manifest::Purpose;
+use svl_score::manifest::{AlgorithmRecord, Purpose};
 
 /// The headline metrics of reports over the pairs of all of them.
 #[derive(Debug, Serialize)]
@@ -22,11 +24,34 @@ pub struct Trend {
     pub scenario: String,
     /// The reports as they were named, the newest last.
     pub reports: Vec<String>,
+    /// The origins of the reports.
+    pub origins: Vec<TrendOrigin>,
+    /// Algorithms whose settings changed under the same label: their lines are interrupted there.
+    pub settings: Vec<SettingsChange>,
     /// Number of pairs or courses that all of them have.
     pub pairs: usize,
     /// Reports that were scored otherwise or are incomplete, and pairs that are left out.
     pub cautions: Vec<String>,
     pub lines: Vec<TrendLine>,
+}
+
+/// The moment and the program of a report.
+#[derive(Debug, Serialize)]
+pub struct TrendOrigin {
+    /// RFC 3339, UTC.
+    pub began: String,
+    /// Git revision of svl, if its build knew it.
+    pub git_revision: Option<String>,
+}
+
+/// An algorithm with other settings than in the report before that has it.
+#[derive(Debug, Serialize)]
+pub struct SettingsChange {
+    /// The place of the report in the list, from 0.
+    pub report: usize,
+    pub algorithm: String,
+    /// The parameters that changed, with both values.
+    pub words: String,
 }
 
 /// A metric of an algorithm in each report.
@@ -98,7 +123,11 @@ impl Trend {
             let left = counted(most - common.len(), noun);
             cautions.push(format!("{left} that some reports lack are left out"));
         }
+        if !runs.is_sorted_by_key(|run| &run.manifest.began) {
+            cautions.push("the reports are not in the order of their dates".to_owned());
+        }
         let labels: BTreeSet<_> = runs.iter().flat_map(|run| run.labels()).collect();
+        let settings = labels.iter().flat_map(|label| settings(&runs, label));
         let rows = || runs.iter().flat_map(|run| &run.rows);
         let has = |name: &str| rows().any(|row| row.metrics.get(name).is_some());
         let driven = Some(TruthLevel::Courses).filter(|_| is_driven);
@@ -117,7 +146,13 @@ impl Trend {
         });
         let lines = lines.filter(|line| line.points.iter().any(Option::is_some));
         let reports = runs.iter().map(|run| run.name.display().to_string());
+        let origins = runs.iter().map(|run| TrendOrigin {
+            began: run.manifest.began.clone(),
+            git_revision: run.manifest.git_revision.clone(),
+        });
         Ok(Self {
+            origins: origins.collect(),
+            settings: settings.collect(),
             scenario: runs[0].manifest.scenario.clone(),
             reports: reports.collect(),
             pairs: common.len(),
@@ -144,34 +179,115 @@ impl Trend {
                     _ => value,
                 };
                 let series = lines.iter().flat_map(|line| {
-                    let points = (1..).zip(&line.points);
-                    let points = points.filter_map(|(i, own)| Some((f64::from(i), own.as_ref()?)));
+                    let points = line.points.iter().enumerate();
+                    let points = points.filter_map(|(i, own)| Some((i, own.as_ref()?)));
                     let points: Vec<_> = points.collect();
-                    let values = points.iter().map(|(i, own)| (*i, shown(own.value)));
+                    let x = |i: usize| 1.0 + i as f64;
+                    let is_other = |i: usize| self.other_settings(i, &line.algorithm).is_some();
+                    let values = points.iter().flat_map(|(i, own)| {
+                        // A point without a place interrupts the line.
+                        let gap = is_other(*i).then_some((f64::NAN, f64::NAN));
+                        gap.into_iter().chain([(x(*i), shown(own.value))])
+                    });
                     let bars = points.iter().filter_map(|(i, own)| {
                         let ends = own.interval?;
-                        let ends = [ends.0, ends.1].map(|end| (*i, shown(end)));
+                        let ends = [ends.0, ends.1].map(|end| (x(*i), shown(end)));
                         Some(Series::new(&line.algorithm, SeriesStyle::Joined, ends))
                     });
+                    let marks = points.iter().filter(|(i, _)| is_other(*i));
+                    let marks = marks.map(|(i, own)| {
+                        let place = [(x(*i), shown(own.value))];
+                        Series::new("other settings", SeriesStyle::Label, place)
+                    });
                     let values = Series::new(&line.algorithm, SeriesStyle::Both, values);
-                    bars.chain([values]).collect::<Vec<_>>()
+                    bars.chain([values]).chain(marks).collect::<Vec<_>>()
                 });
                 let y = Axis::new(words.clone());
-                let svg = Chart::untitled(Axis::new("report"), y, series).svg_in(&colors);
+                let chart = Chart::untitled(Axis::new("report"), y, series);
+                let svg = chart.svg_named(&colors, &|series, (x, _)| self.tip(series, x));
                 PlotView::new(&words, "", svg)
             })
             .collect();
         let cautions = joined(&self.cautions);
         let view = context! {
             title => counted(self.reports.len(), "report"), scenario => self.scenario,
-            reports => self.reports, pairs => self.pairs, cautions, charts, images => [(); 0],
+            reports => self.table(), pairs => self.pairs, cautions, charts, images => [(); 0],
         };
-        fill(
-            include_str!("trend.html"),
-            "body { max-width: 76rem; }",
-            &[],
-            view,
-        )
+        fill(include_str!("trend.html"), "", &[], view)
+    }
+
+    /// The words of a change of settings in a report.
+    fn other_settings(&self, report: usize, algorithm: &str) -> Option<&str> {
+        let mut settings = self.settings.iter();
+        let own = settings.find(|own| own.report == report && own.algorithm == algorithm)?;
+        Some(&own.words)
+    }
+
+    /// The name of a point with date, commit and a change of settings.
+    fn tip(&self, series: &Series, x: f64) -> String {
+        let report = x as usize - 1;
+        let settings = self.other_settings(report, &series.name);
+        let settings = settings.map(|words| format!("other settings: {words}"));
+        let parts = [series.name.clone()].into_iter();
+        joined(parts.chain(self.origins[report].words()).chain(settings))
+    }
+
+    /// The reports with date, commit and changes of settings.
+    fn table(&self) -> Table {
+        let mut table = Table::new("", "report").with_texts(["date", "commit", "other settings"]);
+        for (i, (name, origin)) in self.reports.iter().zip(&self.origins).enumerate() {
+            let settings = self.settings.iter().filter(|own| own.report == i);
+            let settings = settings.map(|own| format!("{}: {}", own.algorithm, own.words));
+            let settings = settings.collect::<Vec<_>>().join("; ");
+            let cells = origin.words().into_iter().chain([settings]);
+            table.push(format!("{} {name}", i + 1), cells);
+        }
+        table.remove_empty_columns();
+        table
+    }
+}
+
+impl TrendOrigin {
+    /// Date and commit.
+    fn words(&self) -> [String; 2] {
+        let date = self.began.get(..16).unwrap_or(&self.began);
+        let revision = self.git_revision.as_deref().unwrap_or(NONE);
+        [date.replace('T', " "), revision.to_owned()]
+    }
+}
+
+/// The reports in which an algorithm has other settings than in the one before that has it.
+fn settings(runs: &[&ScoredRun], label: &str) -> Vec<SettingsChange> {
+    let records = runs.iter().enumerate();
+    let records = records.filter_map(|(i, run)| Some((i, run.record(label)?)));
+    let records: Vec<_> = records.collect();
+    let both = records.windows(2).map(|two| (two[0].1, two[1]));
+    let changed = both.filter(|(a, (_, b))| a.parameters_hash != b.parameters_hash);
+    let changed = changed.map(|(before, (report, after))| SettingsChange {
+        report,
+        algorithm: label.to_owned(),
+        words: changed_settings(before, after),
+    });
+    changed.collect()
+}
+
+/// The parameters that differ, with both values.
+fn changed_settings(before: &AlgorithmRecord, after: &AlgorithmRecord) -> String {
+    let both = [before, after];
+    let names = both.iter().flat_map(|own| &own.values);
+    let names: BTreeSet<_> = names.map(|(name, _)| name).collect();
+    let changed = names.into_iter().filter_map(|name| {
+        let [a, b] = both.map(|own| {
+            let mut values = own.values.iter();
+            values.find(|own| own.0 == *name).map_or(NONE, |own| &own.1)
+        });
+        (a != b).then(|| format!("{name} {a} → {b}"))
+    });
+    let words = changed.collect::<Vec<_>>().join(", ");
+    if words.is_empty() {
+        "another program, filter or rule of cells".to_owned()
+    } else {
+        words
     }
 }
 

@@ -117,6 +117,26 @@ pub struct FrameShot {
     pub errors: Option<Vec<u8>>,
 }
 
+impl FrameShot {
+    /// A frame of which only the left image is there.
+    pub(crate) fn new(row: &Row, left: Vec<u8>) -> Self {
+        Self {
+            row: row.clone(),
+            cells: Vec::new(),
+            passed: None,
+            failures: Vec::new(),
+            findings: Vec::new(),
+            left,
+            size: (row.width as usize, row.height as usize),
+            estimate: Vec::new(),
+            truth: None,
+            preview: None,
+            true_preview: None,
+            errors: None,
+        }
+    }
+}
+
 /// A scene with the result of each algorithm. Pictures are PNG or JPEG files.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct SceneFigure {

@@ -12,23 +12,22 @@ root.classList.add("js");
 
 const figures = all(".figure");
 const slider = document.getElementById("slider");
-const wrongOnly = document.getElementById("wrong-only");
+const isOf = (shot) => labels.length === 0 || state.algorithms.has(shot.dataset.algorithm);
 
-// The figures that the filter leaves.
+// The figures of the algorithms that the filter leaves.
 function shown() {
-  if (wrongOnly?.getAttribute("aria-pressed") !== "true") return figures;
-  const isOf = (shot) => labels.length === 0 || state.algorithms.has(shot.dataset.algorithm);
-  return figures.filter((figure) => all(".shot[data-wrong]", figure).some(isOf));
+  const shots = state.filter ? `.shot[data-is~="${state.filter}"]` : ".shot";
+  const isUnseen = (figure) => !state.filter && !figure.querySelector(".shot");
+  return figures.filter((figure) => isUnseen(figure) || all(shots, figure).some(isOf));
 }
 
 function show() {
   const list = shown();
   if (list.length > 0 && !list.some((figure) => figure.id === state.figure)) state.figure = list[0].id;
-  for (const figure of figures) figure.classList.toggle("on", figure.id === state.figure);
+  for (const figure of figures) figure.classList.toggle("on", list.includes(figure) && figure.id === state.figure);
   for (const shot of all(".shot")) {
-    const { algorithm, rank } = shot.dataset;
-    const isOf = labels.length === 0 || state.algorithms.has(algorithm);
-    shot.classList.toggle("off", !isOf || Boolean(rank && rank !== state.rank));
+    const { rank } = shot.dataset;
+    shot.classList.toggle("off", !isOf(shot) || Boolean(rank && rank !== state.rank));
   }
   const press = (name, isPressed) => {
     for (const button of all(`[data-${name}]`, chooser))
@@ -37,6 +36,9 @@ function show() {
   press("choose", (id) => id === state.figure);
   press("toggle", (label) => state.algorithms.has(label));
   press("rank", (rank) => rank === state.rank);
+  press("filter", (filter) => filter === state.filter);
+  for (const button of all("[data-filter][data-algorithm]"))
+    button.setAttribute("aria-pressed", button.dataset.filter === state.filter && isOf(button));
   for (const button of all("[data-choose]", chooser))
     button.hidden = !list.some((figure) => figure.id === button.dataset.choose);
   if (!slider) return;
@@ -127,6 +129,7 @@ function go(fragment, algorithm) {
     const { figure, algorithm } = square.dataset;
     Object.assign(state, { figure, algorithms: new Set([algorithm]), rank: "worst" });
   } else if (target?.matches(".figure")) state.figure = target.id;
+  if (target?.matches(".figure") && !shown().includes(target)) state.filter = "";
   target?.closest("details")?.setAttribute("open", "");
   if (chooser) show();
   (square || target?.matches(".figure") ? document.getElementById("frames") : target)?.scrollIntoView();
@@ -137,11 +140,13 @@ document.addEventListener("click", (event) => {
   if (svg) return enlarge(svg);
   const button = event.target.closest("button, a");
   if (!button) return;
-  const { choose: id, toggle, rank, figure, algorithm, step: by } = button.dataset;
+  const { choose: id, toggle, rank, figure, algorithm, filter, step: by } = button.dataset;
   if (id) choose(id);
   else if (by) step(Number(by));
-  else if (button.id === "wrong-only")
-    button.setAttribute("aria-pressed", button.getAttribute("aria-pressed") !== "true");
+  else if (filter) {
+    state.filter = button.getAttribute("aria-pressed") === "true" ? "" : filter;
+    if (algorithm) go("#frames", algorithm);
+  }
   else if (button.matches(".copy")) navigator.clipboard?.writeText(button.previousElementSibling.textContent);
   else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
   else if (rank) state.rank = rank;
