@@ -176,16 +176,15 @@ fn shot_view<'a>(
         .iter()
         .map(|own| (own[0].column, own[0].row))
         .collect();
-    let times = ["before", "after"];
     let name = if own.algorithm == own.other_algorithm {
-        times[side]
+        format!("{algorithm} {}", ["before", "after"][side])
     } else {
-        [&*own.algorithm, &*own.other_algorithm][side]
+        [&own.algorithm, &own.other_algorithm][side].clone()
     };
     let is = if is_wrong(shot) { "wrong" } else { "" };
     let reason = (side == 1).then(|| (word, changed_counts(&frame.shots)));
     context! {
-        label => format!("{algorithm} {}", times[side]), algorithm, place, name, reason,
+        label => name, name, algorithm, place, reason,
         rank => "sample", is => format!("{word} {is}"), notes => notes(frame, shot, side, &changed),
         pictures => shot_pictures(shot, &places, images), ..shot_words(shot)
     }

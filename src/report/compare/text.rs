@@ -548,17 +548,17 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
     table
 }
 
-/// The difference of a change with its interval; all of a unit have one scale.
+/// The difference of a change with its interval; those of shares have one scale.
 fn interval_cell(change: &Change, all: &[&Change]) -> Option<TableCell> {
     // Of times a ratio.
-    let zero = if change.metric.unit == MetricUnit::Ms {
-        1.0
-    } else {
-        0.0
+    let zero = match change.metric.unit {
+        MetricUnit::Ms => 1.0,
+        _ => 0.0,
     };
+    let scale = |own: &Change| (own.metric.unit, own.checkpoint.is_some());
     let is_alike = |own: &&&Change| {
-        own.metric.unit == change.metric.unit
-            && own.checkpoint.is_some() == change.checkpoint.is_some()
+        let are_shares = change.metric.unit == MetricUnit::Share && scale(own) == scale(change);
+        are_shares || std::ptr::eq(**own, change)
     };
     let alike = all.iter().filter(is_alike);
     let ends = alike.filter_map(|own| own.interval);
@@ -640,5 +640,35 @@ mod tests {
         let wrong = Metric::find("wrong").unwrap();
         let shown = [-0.003, -0.0001, 0.0, 0.0001].map(|value| unitless(wrong, value));
         assert_eq!(shown, ["-0.3", "-0.0", "+0.0", "+0.0"]);
+    }
+
+    #[test]
+    fn bars_of_shares_have_one_scale_and_times_no_difference_at_1() {
+        let change = |name, difference, interval| {
+            let metric = Metric::find(name).unwrap();
+            Change::new(metric, [0.1, 0.2], difference, interval)
+        };
+        let all = [
+            change("right", 0.1, Some((-0.1, 0.2))),
+            change("wrong", -0.05, Some((-0.1, 0.0))),
+            change("missed", 3.0, Some((2.0, 4.0))),
+            change("time", 1.5, Some((1.0, 2.0))),
+            change("found", 0.3, None),
+        ];
+        let all: Vec<_> = all.iter().collect();
+        let places = all
+            .iter()
+            .filter_map(|own| match interval_cell(own, &all)? {
+                TableCell::Interval { low, high, value } => {
+                    Some([low, value, high].map(f64::round))
+                }
+                _ => None,
+            });
+        let places: Vec<_> = places.collect();
+        assert_eq!(places[0], [26.0, 74.0, 98.0]);
+        assert_eq!(places[1], [26.0, 38.0, 50.0]);
+        assert_eq!(places[2], [74.0, 86.0, 98.0]);
+        assert_eq!(places[3], [50.0, 74.0, 98.0]);
+        assert_eq!(places.len(), 4);
     }
 }

@@ -297,9 +297,9 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
         | Frames that changed most | <p class=\"label\">truth</p> |  → unknown, true  \
         | class=\"changed\" | 80 pairs, 80 with equal results | points; exact \
         | The results of all frames are equal. | svg class=\"interval\" \
-        | data-frame=\"1/ | data-is=\"worse | data-is=\"better \
-        | aria-label=\"v3 → v3:max_disparity=4 before: disparity\" \
-        | aria-label=\"v3 → v3:max_disparity=4 after: error\" \
+        | data-frame=\"1&#x2f; | data-is=\"worse | data-is=\"better \
+        | aria-label=\"v3: disparity\" \
+        | aria-label=\"v3:max_disparity=4: error\" \
         | has only the rows of this frame | !stand alone | !http",
     );
     let page = fixture.text("page.html");
@@ -510,7 +510,12 @@ fn a_line_of_a_trend_is_interrupted_where_settings_change() {
     assert_eq!(origin["git_revision"], manifest["git_revision"]);
     let date = began[..16].replace('T', " ");
     let page = fixture.text("trend.html");
-    let settings = "max_disparity 64 → 8";
+    let settings = &fixture.json_file("trend.json")["settings"][0]["words"];
+    let settings = settings.as_str().unwrap();
+    assert!(
+        settings.starts_with("max_disparity ") && settings.ends_with(" → 8"),
+        "{settings}"
+    );
     assert_words(&page, &format!("own: {settings} | <td>{date}</td>"));
     let right = page.split("aria-label=\"right cells, %\"").nth(1).unwrap();
     let right = right.split("</figure>").next().unwrap();

@@ -129,7 +129,10 @@ function go(fragment, algorithm) {
     const { figure, algorithm } = square.dataset;
     Object.assign(state, { figure, algorithms: new Set([algorithm]), rank: "worst" });
   } else if (target?.matches(".figure")) state.figure = target.id;
-  if (target?.matches(".figure") && !shown().includes(target)) state.filter = "";
+  if (target?.matches(".figure") && !shown().includes(target)) {
+    state.filter = "";
+    if (!shown().includes(target)) state.algorithms.add(target.querySelector(".shot").dataset.algorithm);
+  }
   target?.closest("details")?.setAttribute("open", "");
   if (chooser) show();
   (square || target?.matches(".figure") ? document.getElementById("frames") : target)?.scrollIntoView();
