@@ -28,30 +28,21 @@ const BLANK: u8 = 64;
 
 /// A frame in both reports.
 pub(super) struct ChangedFrame {
-    pub change: FrameChange,
+    pub change: Ordering,
     /// Before and after; without tables of cells they have none.
     pub shots: [FrameShot; 2],
     /// The reason why neither a folder nor the recording has the left image.
     pub no_image: Option<String>,
 }
 
-/// The change of a frame by its cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum FrameChange {
-    Worse,
-    Better,
-    Equal,
-}
+/// Worse, better and equal frames, by their harm.
+pub(super) const CHANGES: [Ordering; 3] = [Ordering::Greater, Ordering::Less, Ordering::Equal];
 
-impl FrameChange {
-    pub const ALL: [Self; 3] = [Self::Worse, Self::Better, Self::Equal];
-
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Worse => "worse",
-            Self::Better => "better",
-            Self::Equal => "equal",
-        }
+pub(super) fn change_word(change: Ordering) -> &'static str {
+    match change {
+        Ordering::Greater => "worse",
+        Ordering::Less => "better",
+        Ordering::Equal => "equal",
     }
 }
 
@@ -67,36 +58,25 @@ pub struct FrameCounts {
 
 impl FrameCounts {
     pub(super) fn new(pairs: &[[&Row; 2]]) -> Self {
-        let mut counts = Self::default();
-        for pair in pairs {
-            *match harm(pair).map(FrameChange::from) {
-                Some(FrameChange::Worse) => &mut counts.worse,
-                Some(FrameChange::Better) => &mut counts.better,
-                Some(FrameChange::Equal) => &mut counts.equal,
-                None => &mut counts.unscored,
-            } += 1;
-        }
-        counts
-    }
-
-    pub(super) fn number(&self, change: FrameChange) -> usize {
-        match change {
-            FrameChange::Worse => self.worse,
-            FrameChange::Better => self.better,
-            FrameChange::Equal => self.equal,
+        let changes = pairs.iter().map(|pair| Some(order(&harm(pair)?, &NO_HARM)));
+        let changes: Vec<_> = changes.collect();
+        let count = |change| changes.iter().filter(|own| **own == change).count();
+        let [worse, better, equal] = CHANGES.map(|change| count(Some(change)));
+        Self {
+            better,
+            equal,
+            worse,
+            unscored: count(None),
         }
     }
 
     pub(super) fn words(&self) -> String {
-        let Self {
-            better,
-            equal,
-            worse,
-            unscored,
-        } = self;
-        let better = counted(*better, "frame");
-        let words = format!("{better} better, {equal} equal, {worse} worse");
-        match unscored {
+        let better = counted(self.better, "frame");
+        let words = format!(
+            "{better} better, {} equal, {} worse",
+            self.equal, self.worse
+        );
+        match self.unscored {
             0 => words,
             frames => format!("{words}, {frames} without a truth of cells"),
         }
@@ -110,16 +90,6 @@ type FrameHarm = [f64; 3];
 
 /// A frame that became neither better nor worse.
 const NO_HARM: FrameHarm = [0.0; 3];
-
-impl From<FrameHarm> for FrameChange {
-    fn from(harm: FrameHarm) -> Self {
-        match order(&harm, &NO_HARM) {
-            Ordering::Greater => Self::Worse,
-            Ordering::Less => Self::Better,
-            Ordering::Equal => Self::Equal,
-        }
-    }
-}
 
 fn order(a: &FrameHarm, b: &FrameHarm) -> Ordering {
     a.partial_cmp(b).unwrap_or(Ordering::Equal)
@@ -191,11 +161,11 @@ pub(super) fn changed_frames(
     let mut scored: Vec<ScoredPair<'_>> = scored.collect();
     // Equal changes: those with pictures come first. The sorts are stable.
     scored.sort_by_key(|(pair, _)| images.missing(pair));
-    let chosen = FrameChange::ALL.iter().flat_map(|change| {
-        let is_own = |(_, harm): &&ScoredPair<'_>| FrameChange::from(*harm) == *change;
+    let chosen = CHANGES.iter().flat_map(|change| {
+        let is_own = |(_, harm): &&ScoredPair<'_>| order(harm, &NO_HARM) == *change;
         let mut pairs: Vec<_> = scored.iter().filter(is_own).copied().collect();
         pairs.sort_by(|(_, a), (_, b)| match change {
-            FrameChange::Better => order(a, b),
+            Ordering::Less => order(a, b),
             _ => order(b, a),
         });
         let mut chosen = Vec::new();
@@ -225,7 +195,7 @@ pub(super) fn changed_frames(
             shot(row, cells, stored, left.as_ref().ok())
         };
         Ok(ChangedFrame {
-            change: harm.into(),
+            change: order(&harm, &NO_HARM),
             shots: [shot(0)?, shot(1)?],
             no_image: left.err(),
         })
@@ -263,7 +233,12 @@ fn shot(
             row: row.clone(),
             ..shot
         },
-        None => FrameShot::new(row, left.map_or_else(blank, |file| Ok(file.clone()))?),
+        None => FrameShot {
+            row: row.clone(),
+            left: left.map_or_else(blank, |file| Ok(file.clone()))?,
+            size,
+            ..FrameShot::default()
+        },
     };
     if !shot.cells.is_empty() {
         return Ok(shot);

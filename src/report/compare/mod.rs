@@ -17,4 +17,4 @@ pub use join::Join;
 pub use page::page;
 pub use scored_run::ScoredRun;
 pub use text::unitless;
-pub use trend::{SettingsChange, Trend, TrendLine, TrendOrigin, TrendPoint};
+pub use trend::{Trend, TrendLine, TrendOrigin, TrendPoint};

@@ -4,7 +4,8 @@
 use super::comparison::{AlgorithmChange, Comparison};
 use super::courses::CourseChanges;
 use super::frames::{
-    BothImages, ChangedFrame, FindLeft, FrameChange, changed_cells, changed_counts, changed_frames,
+    BothImages, CHANGES, ChangedFrame, FindLeft, change_word, changed_cells, changed_counts,
+    changed_frames,
 };
 use super::join::Join;
 use crate::pages::html::figures::FrameShot;
@@ -12,10 +13,11 @@ use crate::pages::html::frames::{
     cell_words, frame_name, is_wrong, obstacle_words, picture_colors, shot_pictures, shot_words,
     true_pictures, truth_words,
 };
-use crate::rows::records::{CellRow, Row};
+use crate::rows::records::CellRow;
 use crate::rows::samples::run_key;
 use crate::show::page::parts::{PageImages, fill};
 use minijinja::{Value, context};
+use std::collections::BTreeSet;
 use svl_core::Result;
 use svl_score::judge::ColumnChoice;
 
@@ -29,36 +31,37 @@ const MAX_LISTED: usize = 3;
 /// the error of the template engine.
 pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Result<String> {
     let stored = BothImages::new(join, find)?;
-    let both = || comparison.algorithms.iter().zip(&join.algorithms);
-    let frames = both().map(|(own, joined)| {
+    let both = comparison.algorithms.iter().zip(&join.algorithms);
+    let frames = both.map(|(own, joined)| {
         let is_shown = own.frames.is_some() && own.equal_results < own.pairs;
         let frames = is_shown.then(|| changed_frames(joined, &stored));
         frames.unwrap_or_else(|| Ok(Vec::new()))
     });
     let frames = frames.collect::<Result<Vec<_>>>()?;
     let mut images = PageImages::default();
-    let algorithms = comparison.algorithms.iter().zip(&frames);
-    let algorithms: Vec<_> = algorithms
-        .clone()
-        .map(|(own, frames)| algorithm_view(own, frames))
+    let both = || comparison.algorithms.iter().zip(&frames);
+    let shown = || both().flat_map(|(own, frames)| frames.iter().map(move |frame| (own, frame)));
+    let runs: BTreeSet<_> = shown()
+        .map(|(_, frame)| run_key(&frame.shots[0].row))
         .collect();
-    let figures = figures(comparison, &frames);
-    let one_run = figures
-        .windows(2)
-        .all(|two| run_key(two[0].row()) == run_key(two[1].row()));
-    let entries = figures.iter().enumerate().map(|(i, figure)| {
-        let row = figure.row();
-        let frame = || format!("frame {}", row.sequence);
-        let words = one_run.then(frame).unwrap_or_else(|| row.origin_words());
+    let entries = shown().enumerate().map(|(i, (_, frame))| {
+        let words = match runs.len() {
+            1 => format!("frame {}", frame.shots[0].row.sequence),
+            _ => frame.shots[0].row.origin_words(),
+        };
         (format!("f{i}"), words)
     });
     let entries: Vec<_> = entries.collect();
-    let pictured = comparison.algorithms.iter().zip(&frames);
-    let pictured = pictured.filter(|(_, frames)| !frames.is_empty());
+    let pictured = both().filter(|(_, frames)| !frames.is_empty());
     let pictured: Vec<_> = pictured.map(|(own, _)| own.labels()).collect();
-    let changes = FrameChange::ALL.map(FrameChange::word);
-    let filters = changes.into_iter().map(|word| (word, word));
-    let shots = || frames.iter().flatten().flat_map(|frame| &frame.shots);
+    let figures = shown().enumerate();
+    let figures = figures.map(|(i, (own, frame))| figure_view(i, own, frame, &mut images));
+    let figures: Vec<_> = figures.collect();
+    let filters = CHANGES
+        .map(change_word)
+        .into_iter()
+        .map(|word| (word, word));
+    let mut shots = shown().flat_map(|(_, frame)| &frame.shots);
     let mut records = join.runs.iter().flat_map(|run| &run.manifest.algorithms);
     let (base, other) = (comparison.base.display(), comparison.other.display());
     let word = comparison.conclusion.word();
@@ -66,11 +69,12 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
         title => format!("{base} → {other}"), scenario => comparison.scenario,
         conclusion => comparison.conclusion, word,
         reason => comparison.verdict.strip_prefix(word), cautions => comparison.remarks(),
-        overview => comparison.overview(), algorithms, method => comparison.method,
+        overview => comparison.overview(),
+        algorithms => both().map(|(own, frames)| algorithm_view(own, frames)).collect::<Vec<_>>(),
+        method => comparison.method,
         tested => comparison.tested, is_driven => join.is_driven, entries, pictured,
         filters => filters.chain([("wrong", "wrong only")]).collect::<Vec<_>>(),
-        figures => figures.iter().map(|own| own.view(&mut images)).collect::<Vec<_>>(),
-        has_errors => shots().any(|shot| shot.errors.is_some()),
+        figures, has_errors => shots.any(|shot| shot.errors.is_some()),
         has_v5 => records.any(|own| own.name == "v5"),
         reports => [base, other].map(|report| report.to_string()), origins => comparison.origins,
         images => images.into_views(), ..picture_colors()
@@ -80,13 +84,12 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
 }
 
 fn algorithm_view(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Value {
-    let numbers = own.frames.as_ref().map(|counts| {
-        let number = |change: FrameChange| (change.word(), counts.number(change));
-        FrameChange::ALL.map(number)
-    });
+    let counts = own.frames.unwrap_or_default();
+    let numbers = [counts.worse, counts.better, counts.equal];
     context! {
         title => own.title(), label => own.labels(), extent => own.extent(),
-        note => note(own, frames), numbers,
+        note => note(own, frames),
+        numbers => CHANGES.map(change_word).into_iter().zip(numbers).collect::<Vec<_>>(),
         headline => own.drawn_table(&ColumnChoice::Headline),
         all => own.drawn_table(&ColumnChoice::All),
         item_words => own.item_words(), has_frames => !frames.is_empty(),
@@ -110,93 +113,46 @@ fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<&'static str> 
     Some(words)
 }
 
-/// A pair with the changes of the algorithms that it is shown of.
-struct ChangedPair<'a> {
-    frames: Vec<(usize, &'a AlgorithmChange, &'a ChangedFrame)>,
-}
-
-/// The frames of all algorithms, each pair once.
-fn figures<'a>(
-    comparison: &'a Comparison,
-    frames: &'a [Vec<ChangedFrame>],
-) -> Vec<ChangedPair<'a>> {
-    let mut figures: Vec<ChangedPair<'_>> = Vec::new();
-    for (place, (own, frames)) in comparison.algorithms.iter().zip(frames).enumerate() {
-        for frame in frames {
-            let name = |frame: &ChangedFrame| frame_name(&frame.shots[0].row);
-            let same = figures
-                .iter_mut()
-                .find(|figure| name(figure.frames[0].2) == name(frame));
-            match same {
-                Some(figure) => figure.frames.push((place, own, frame)),
-                None => figures.push(ChangedPair {
-                    frames: vec![(place, own, frame)],
-                }),
-            }
-        }
-    }
-    figures
-}
-
-impl<'a> ChangedPair<'a> {
-    fn row(&self) -> &'a Row {
-        &self.frames[0].2.shots[0].row
-    }
-
-    /// The figure for the template.
-    fn view(&self, images: &mut PageImages<'a>) -> Value {
-        let shots = self.frames.iter();
-        let shots = shots.flat_map(|(place, own, frame)| {
-            [0, 1].map(|side| shot_view(*place, own, frame, side, images))
-        });
-        let shots: Vec<_> = shots.collect();
-        let both = self.frames.iter().flat_map(|(.., frame)| &frame.shots);
-        // The truth of all is shown once.
-        let truth = both.max_by_key(|shot| (shot.true_preview.is_some(), !shot.cells.is_empty()));
-        context! {
-            title => self.row().origin_words(), about => "", is_film => false,
-            frame => frame_name(self.row()), shots,
-            truth => truth.map(|shot| true_pictures(shot, images)).unwrap_or_default(),
-        }
-    }
-}
-
-/// One side of a frame, the second with all that changed.
-fn shot_view<'a>(
+/// A frame before and after, for the template.
+fn figure_view<'a>(
     place: usize,
     own: &AlgorithmChange,
     frame: &'a ChangedFrame,
-    side: usize,
     images: &mut PageImages<'a>,
 ) -> Value {
-    let shot = &frame.shots[side];
-    let (algorithm, word) = (own.labels(), frame.change.word());
+    let (algorithm, word) = (own.labels(), change_word(frame.change));
     let changed = changed_cells(&frame.shots);
     let places: Vec<_> = changed
         .iter()
-        .map(|own| (own[0].column, own[0].row))
+        .map(|[own, _]| (own.column, own.row))
         .collect();
-    let name = if own.algorithm == own.other_algorithm {
-        format!("{algorithm} {}", ["before", "after"][side])
-    } else {
-        [&own.algorithm, &own.other_algorithm][side].clone()
-    };
-    let is = if is_wrong(shot) { "wrong" } else { "" };
-    let reason = (side == 1).then(|| (word, changed_counts(&frame.shots)));
+    let shots = [0, 1].map(|side| {
+        let shot = &frame.shots[side];
+        let name = if own.algorithm == own.other_algorithm {
+            format!("{algorithm} {}", ["before", "after"][side])
+        } else {
+            [&own.algorithm, &own.other_algorithm][side].clone()
+        };
+        let is = if is_wrong(shot) { "wrong" } else { "" };
+        let reason = (side == 1).then(|| (word, changed_counts(&frame.shots)));
+        context! {
+            label => name, name, algorithm, place, reason, rank => "sample",
+            is => format!("{word} {is}"), notes => notes(frame, side, &changed),
+            pictures => shot_pictures(shot, &places, images), ..shot_words(shot)
+        }
+    });
+    // The truth of both is shown once.
+    let shown = |shot: &&FrameShot| (shot.true_preview.is_some(), !shot.cells.is_empty());
+    let truth = frame.shots.iter().max_by_key(shown);
     context! {
-        label => name, name, algorithm, place, reason,
-        rank => "sample", is => format!("{word} {is}"), notes => notes(frame, shot, side, &changed),
-        pictures => shot_pictures(shot, &places, images), ..shot_words(shot)
+        title => frame.shots[0].row.origin_words(), about => "", is_film => false,
+        frame => frame_name(&frame.shots[0].row), shots,
+        truth => truth.map(|shot| true_pictures(shot, images)).unwrap_or_default(),
     }
 }
 
 /// The cells that changed, and the pictures that are missing.
-fn notes(
-    frame: &ChangedFrame,
-    shot: &FrameShot,
-    side: usize,
-    changed: &[[&CellRow; 2]],
-) -> Vec<String> {
+fn notes(frame: &ChangedFrame, side: usize, changed: &[[&CellRow; 2]]) -> Vec<String> {
     let cell = |own: &CellRow| cell_words(own) + obstacle_words(own);
     let words = changed.iter().take(MAX_LISTED).map(|[before, after]| {
         let (column, row, truth) = (before.column, before.row, truth_words(before));
@@ -208,7 +164,8 @@ fn notes(
     let words = words.collect::<Vec<_>>().join("; ");
     let changed = (side == 1 && !words.is_empty()).then(|| format!("changed: {words}"));
     let rows = "the report has only the rows of this frame: no disparity and error pictures";
-    let rows = shot.preview.is_none().then(|| rows.to_owned());
+    let is_stored = frame.shots[side].preview.is_some();
+    let rows = (!is_stored).then(|| rows.to_owned());
     let why = frame.no_image.as_ref().filter(|_| side == 1);
     let why = why.map(|why| format!("no image: {why}"));
     changed.into_iter().chain(rows).chain(why).collect()

@@ -1,6 +1,7 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
 use super::comparison::{AlgorithmChange, Comparison, Conclusion};
+use super::courses::CourseChanges;
 use super::join::{Join, MAP};
 use crate::results::change::{Change, Judgement, is_ranked};
 use crate::results::summary::caution;
@@ -189,16 +190,16 @@ impl Comparison {
         let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
         if self.algorithms.len() > 1 && *columns == ColumnChoice::Headline {
             text += &format!("\n{}", self.overview().terminal(style));
-            let courses = self.algorithms.iter();
-            let courses = courses
-                .filter_map(|own| Some(format!("{}: {}", own.labels(), own.course_words()?)));
+            let courses = self.algorithms.iter().filter(|own| own.courses.is_some());
+            let courses =
+                courses.filter_map(|own| Some(format!("{}: {}", own.labels(), own.item_words()?)));
             text.extend(courses.map(|line| "\n".to_owned() + &wrapped(&line, 2, style.width)));
         } else {
             for own in &self.algorithms {
-                let extent = format!("{}: {}", own.title(), own.extent());
-                text.push('\n');
-                let lines = [extent].into_iter().chain(own.item_words());
-                text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
+                let items = own.item_words().map(|words| format!("; {words}"));
+                let items = items.unwrap_or_default();
+                let line = format!("{}: {}{items}", own.title(), own.extent());
+                text += &format!("\n{}", wrapped(&line, 2, style.width));
                 text += &own.table(columns).terminal(style);
             }
         }
@@ -409,11 +410,12 @@ impl AlgorithmChange {
         worse.collect()
     }
 
-    /// The changes that a table of these columns has: below those of the headline are others for
-    /// the worse.
+    /// The changes that a table of these columns has: of checkpoints in the headline those that
+    /// differ, and below are others for the worse.
     fn rows(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let mut rows = self.shown(columns);
         if *columns == ColumnChoice::Headline {
+            rows.retain(|own| own.checkpoint.is_none() || own.difference != 0.0);
             let mut besides = self.besides();
             besides.retain(|own| !rows.iter().any(|row| std::ptr::eq(*row, *own)));
             rows.extend(besides);
@@ -462,16 +464,12 @@ impl AlgorithmChange {
         }
     }
 
-    /// The courses that changed, in a line.
-    fn course_words(&self) -> Option<String> {
-        let words = self.courses.as_ref()?.words();
-        Some(words).filter(|words| !words.is_empty())
-    }
-
-    /// The courses that changed, or the numbers of frames that did.
+    /// The courses that changed, or the numbers of frames that did, in a line.
     pub(super) fn item_words(&self) -> Option<String> {
         let frames = self.frames.filter(|own| own.unscored < self.pairs);
-        self.course_words().or_else(|| Some(frames?.words()))
+        let courses = self.courses.as_ref().map(CourseChanges::words);
+        let words = courses.or_else(|| Some(frames?.words()));
+        words.filter(|words| !words.is_empty())
     }
 
     /// Pairs that the second report alone failed on, in words.

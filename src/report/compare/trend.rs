@@ -12,7 +12,7 @@ use crate::show::words::NONE;
 use crate::subjects::drives;
 use minijinja::context;
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use svl_core::{Result, counted, joined};
 use svl_score::bootstrap::{Interval, RunLengths};
 use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
@@ -26,8 +26,6 @@ pub struct Trend {
     pub reports: Vec<String>,
     /// The origins of the reports.
     pub origins: Vec<TrendOrigin>,
-    /// Algorithms whose settings changed under the same label: their lines are interrupted there.
-    pub settings: Vec<SettingsChange>,
     /// Number of pairs or courses that all of them have.
     pub pairs: usize,
     /// Reports that were scored otherwise or are incomplete, and pairs that are left out.
@@ -42,16 +40,6 @@ pub struct TrendOrigin {
     pub began: String,
     /// Git revision of svl, if its build knew it.
     pub git_revision: Option<String>,
-}
-
-/// An algorithm with other settings than in the report before that has it.
-#[derive(Debug, Serialize)]
-pub struct SettingsChange {
-    /// The place of the report in the list, from 0.
-    pub report: usize,
-    pub algorithm: String,
-    /// The parameters that changed, with both values.
-    pub words: String,
 }
 
 /// A metric of an algorithm in each report.
@@ -70,6 +58,10 @@ pub struct TrendPoint {
     /// 95 % interval; absent for too few blocks.
     pub interval: Option<Interval>,
     pub cases: Cases,
+    /// The parameters that changed since the report before that has the algorithm: its line is
+    /// interrupted there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub other_settings: Option<String>,
 }
 
 /// A pair by its place and pixels.
@@ -127,7 +119,6 @@ impl Trend {
             cautions.push("the reports are not in the order of their dates".to_owned());
         }
         let labels: BTreeSet<_> = runs.iter().flat_map(|run| run.labels()).collect();
-        let settings = labels.iter().flat_map(|label| settings(&runs, label));
         let rows = || runs.iter().flat_map(|run| &run.rows);
         let has = |name: &str| rows().any(|row| row.metrics.get(name).is_some());
         let driven = Some(TruthLevel::Courses).filter(|_| is_driven);
@@ -135,8 +126,14 @@ impl Trend {
         let metrics = ColumnChoice::Headline.metrics(kind);
         let lines = metrics.iter().flat_map(|metric| {
             labels.iter().map(|label| {
-                let points = runs.iter();
-                let points = points.map(|run| point(run, label, metric, &common));
+                let points = (0..runs.len()).map(|i| {
+                    let mut before = runs[..i].iter().rev().filter_map(|run| run.record(label));
+                    let both = before.next().zip(runs[i].record(label));
+                    Some(TrendPoint {
+                        other_settings: both.and_then(|(a, b)| changed_settings(a, b)),
+                        ..point(runs[i], label, metric, &common)?
+                    })
+                });
                 TrendLine {
                     metric,
                     algorithm: (*label).to_owned(),
@@ -152,7 +149,6 @@ impl Trend {
         });
         Ok(Self {
             origins: origins.collect(),
-            settings: settings.collect(),
             scenario: runs[0].manifest.scenario.clone(),
             reports: reports.collect(),
             pairs: common.len(),
@@ -183,10 +179,9 @@ impl Trend {
                     let points = points.filter_map(|(i, own)| Some((i, own.as_ref()?)));
                     let points: Vec<_> = points.collect();
                     let x = |i: usize| 1.0 + i as f64;
-                    let is_other = |i: usize| self.other_settings(i, &line.algorithm).is_some();
                     let values = points.iter().flat_map(|(i, own)| {
                         // A point without a place interrupts the line.
-                        let gap = is_other(*i).then_some((f64::NAN, f64::NAN));
+                        let gap = own.other_settings.as_ref().map(|_| (f64::NAN, f64::NAN));
                         gap.into_iter().chain([(x(*i), shown(own.value))])
                     });
                     let bars = points.iter().filter_map(|(i, own)| {
@@ -194,7 +189,9 @@ impl Trend {
                         let ends = [ends.0, ends.1].map(|end| (x(*i), shown(end)));
                         Some(Series::new(&line.algorithm, SeriesStyle::Joined, ends))
                     });
-                    let marks = points.iter().filter(|(i, _)| is_other(*i));
+                    let marks = points
+                        .iter()
+                        .filter(|(_, own)| own.other_settings.is_some());
                     let marks = marks.map(|(i, own)| {
                         let place = [(x(*i), shown(own.value))];
                         Series::new("other settings", SeriesStyle::Label, place)
@@ -204,7 +201,8 @@ impl Trend {
                 });
                 let y = Axis::new(words.clone());
                 let chart = Chart::untitled(Axis::new("report"), y, series);
-                let svg = chart.svg_named(&colors, &|series, (x, _)| self.tip(series, x));
+                let svg =
+                    chart.svg_named(&colors, &|series, (x, _)| self.tip(series, x as usize - 1));
                 PlotView::new(&words, "", svg)
             })
             .collect();
@@ -216,17 +214,18 @@ impl Trend {
         fill(include_str!("trend.html"), "", &[], view)
     }
 
-    /// The words of a change of settings in a report.
-    fn other_settings(&self, report: usize, algorithm: &str) -> Option<&str> {
-        let mut settings = self.settings.iter();
-        let own = settings.find(|own| own.report == report && own.algorithm == algorithm)?;
-        Some(&own.words)
+    /// The changes of settings in a report, by algorithm.
+    fn other_settings(&self, report: usize) -> BTreeMap<&str, &str> {
+        let settings = self.lines.iter().filter_map(|line| {
+            let words = line.points[report].as_ref()?.other_settings.as_ref()?;
+            Some((&*line.algorithm, &**words))
+        });
+        settings.collect()
     }
 
     /// The name of a point with date, commit and a change of settings.
-    fn tip(&self, series: &Series, x: f64) -> String {
-        let report = x as usize - 1;
-        let settings = self.other_settings(report, &series.name);
+    fn tip(&self, series: &Series, report: usize) -> String {
+        let settings = self.other_settings(report).remove(&*series.name);
         let settings = settings.map(|words| format!("other settings: {words}"));
         let parts = [series.name.clone()].into_iter();
         joined(parts.chain(self.origins[report].words()).chain(settings))
@@ -236,8 +235,8 @@ impl Trend {
     fn table(&self) -> Table {
         let mut table = Table::new("", "report").with_texts(["date", "commit", "other settings"]);
         for (i, (name, origin)) in self.reports.iter().zip(&self.origins).enumerate() {
-            let settings = self.settings.iter().filter(|own| own.report == i);
-            let settings = settings.map(|own| format!("{}: {}", own.algorithm, own.words));
+            let settings = self.other_settings(i).into_iter();
+            let settings = settings.map(|(label, words)| format!("{label}: {words}"));
             let settings = settings.collect::<Vec<_>>().join("; ");
             let cells = origin.words().into_iter().chain([settings]);
             table.push(format!("{} {name}", i + 1), cells);
@@ -256,39 +255,19 @@ impl TrendOrigin {
     }
 }
 
-/// The reports in which an algorithm has other settings than in the one before that has it.
-fn settings(runs: &[&ScoredRun], label: &str) -> Vec<SettingsChange> {
-    let records = runs.iter().enumerate();
-    let records = records.filter_map(|(i, run)| Some((i, run.record(label)?)));
-    let records: Vec<_> = records.collect();
-    let both = records.windows(2).map(|two| (two[0].1, two[1]));
-    let changed = both.filter(|(a, (_, b))| a.parameters_hash != b.parameters_hash);
-    let changed = changed.map(|(before, (report, after))| SettingsChange {
-        report,
-        algorithm: label.to_owned(),
-        words: changed_settings(before, after),
-    });
-    changed.collect()
-}
-
 /// The parameters that differ, with both values.
-fn changed_settings(before: &AlgorithmRecord, after: &AlgorithmRecord) -> String {
-    let both = [before, after];
-    let names = both.iter().flat_map(|own| &own.values);
-    let names: BTreeSet<_> = names.map(|(name, _)| name).collect();
-    let changed = names.into_iter().filter_map(|name| {
-        let [a, b] = both.map(|own| {
-            let mut values = own.values.iter();
-            values.find(|own| own.0 == *name).map_or(NONE, |own| &own.1)
-        });
-        (a != b).then(|| format!("{name} {a} → {b}"))
-    });
+fn changed_settings(before: &AlgorithmRecord, after: &AlgorithmRecord) -> Option<String> {
+    let old = |name: &String| {
+        let mut values = before.values.iter();
+        values.find(|own| own.0 == *name).map_or(NONE, |own| &own.1)
+    };
+    let values = after.values.iter();
+    let changed = values.filter(|own| !before.values.contains(own));
+    let changed = changed.map(|(name, value)| format!("{name} {} → {value}", old(name)));
     let words = changed.collect::<Vec<_>>().join(", ");
-    if words.is_empty() {
-        "another program, filter or rule of cells".to_owned()
-    } else {
-        words
-    }
+    let others = || "another program, filter or rule of cells".to_owned();
+    let words = Some(words).filter(|words| !words.is_empty());
+    (before.parameters_hash != after.parameters_hash).then(|| words.unwrap_or_else(others))
 }
 
 /// A metric of an algorithm in a report, over the pairs or courses of all reports.
@@ -325,5 +304,6 @@ fn point(
         value: metric.value_of(own)?,
         interval: sample.interval(&runs),
         cases: own.cases,
+        other_settings: None,
     })
 }

@@ -93,7 +93,10 @@ impl BlockPictures {
                 preview: Some(own.disparities.clone()),
                 true_preview: scene.truth.clone(),
                 errors: own.errors.clone(),
-                ..FrameShot::new(&own.row, scene.left.clone())
+                row: own.row.clone(),
+                left: scene.left.clone(),
+                size: (own.row.width as usize, own.row.height as usize),
+                ..FrameShot::default()
             })
         }))
     }

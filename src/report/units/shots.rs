@@ -115,19 +115,17 @@ impl StoredShots {
     }
 
     /// The units that show the row's pair, those of its algorithm first.
-    fn units(&self, row: &Row) -> impl Iterator<Item = &StoredUnit> {
+    fn units(&self, row: &Row) -> Vec<&StoredUnit> {
         let key = (row.seed, row.run.clone(), row.sequence);
-        let units = || self.units.get(&key).into_iter().flatten();
-        let is_own = |unit: &&StoredUnit| unit.label == row.algorithm;
-        let (mut own, others): (Vec<_>, Vec<_>) = units().partition(is_own);
-        own.extend(others);
-        own.into_iter()
+        let mut units: Vec<_> = self.units.get(&key).into_iter().flatten().collect();
+        units.sort_by_key(|unit| unit.label != row.algorithm);
+        units
     }
 
     /// True if the row's pair is there, as its algorithm matched it.
     pub fn hold(&self, row: &Row) -> bool {
-        let first = self.units(row).next();
-        first.is_some_and(|unit| unit.label == row.algorithm)
+        let units = self.units(row);
+        units.iter().any(|unit| unit.label == row.algorithm)
     }
 
     /// A frame of the row's pair: of its algorithm, else of any other.

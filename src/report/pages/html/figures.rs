@@ -87,7 +87,7 @@ pub struct CheckpointFigure {
 }
 
 /// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub struct FrameShot {
     #[serde(with = "stored::row")]
     pub row: Row,
@@ -115,26 +115,6 @@ pub struct FrameShot {
     pub true_preview: Option<Vec<u8>>,
     #[serde(with = "stored::optional_image")]
     pub errors: Option<Vec<u8>>,
-}
-
-impl FrameShot {
-    /// A frame of which only the left image is there.
-    pub(crate) fn new(row: &Row, left: Vec<u8>) -> Self {
-        Self {
-            row: row.clone(),
-            cells: Vec::new(),
-            passed: None,
-            failures: Vec::new(),
-            findings: Vec::new(),
-            left,
-            size: (row.width as usize, row.height as usize),
-            estimate: Vec::new(),
-            truth: None,
-            preview: None,
-            true_preview: None,
-            errors: None,
-        }
-    }
 }
 
 /// A scene with the result of each algorithm. Pictures are PNG or JPEG files.

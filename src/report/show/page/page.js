@@ -120,7 +120,8 @@ function sort(head) {
 function go(fragment, algorithm) {
   const name = decodeURI(fragment.slice(1));
   const isFrame = ({ dataset: { frame } }) => frame && (name === frame || name.startsWith(`${frame}/`));
-  const frame = figures.find(isFrame);
+  const isNamed = (figure) => all(".shot", figure).some((shot) => name.endsWith(`/${shot.dataset.algorithm}`));
+  const frame = figures.find((figure) => isFrame(figure) && isNamed(figure)) ?? figures.find(isFrame);
   const target = frame ?? document.getElementById(name);
   const own = algorithm ?? (frame && name.slice(frame.dataset.frame.length + 1));
   if (labels.includes(own)) state.algorithms = new Set([own]);
