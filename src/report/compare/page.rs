@@ -10,9 +10,10 @@ use super::frames::{
 use super::join::Join;
 use crate::pages::html::figures::FrameShot;
 use crate::pages::html::frames::{
-    cell_words, frame_name, is_wrong, obstacle_words, picture_colors, shot_pictures, shot_words,
-    true_pictures, truth_words,
+    cell_words, frame_name, is_wrong, obstacle_words, shot_pictures, shot_words, true_pictures,
+    truth_words,
 };
+use crate::pages::html::scenes::picture_colors;
 use crate::rows::records::CellRow;
 use crate::rows::samples::run_key;
 use crate::show::page::parts::{PageImages, fill};

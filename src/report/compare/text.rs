@@ -260,7 +260,8 @@ impl Comparison {
         let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
         let changed = self.algorithms.iter();
         let changed = changed.filter(|own| own.equal_results < own.pairs);
-        let items = changed.filter_map(|own| Some(self.title(own) + &own.item_words()?));
+        let items =
+            changed.filter_map(|own| Some(format!("{}: {}", own.labels(), own.item_words()?)));
         let items = items.collect::<Vec<_>>().join("; ");
         let [not_compared, caution] = self.remarks();
         let notes = [not_compared.unwrap_or_default(), items].map(|note| escape_prose(&note));
@@ -309,19 +310,14 @@ impl Comparison {
         changes: impl Fn(&'a AlgorithmChange) -> Vec<&'a Change>,
     ) -> Vec<(String, &'a Change)> {
         let named = self.algorithms.iter().flat_map(|own| {
-            let title = self.title(own);
+            let title = match self.algorithms.len() {
+                1 => String::new(),
+                _ => own.labels() + " ",
+            };
             let changes = changes(own).into_iter();
             changes.map(move |change| (title.clone() + &change.name(), change))
         });
         named.collect()
-    }
-
-    /// The labels of an algorithm before words of it, where there are several.
-    fn title(&self, own: &AlgorithmChange) -> String {
-        match self.algorithms.len() {
-            1 => String::new(),
-            _ => own.labels() + " ",
-        }
     }
 
     /// True if all pairs have equal results.
@@ -548,7 +544,7 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
 
 /// The difference of a change with its interval; those of shares have one scale.
 fn interval_cell(change: &Change, all: &[&Change]) -> Option<TableCell> {
-    // Of times a ratio.
+    // Times change by a ratio.
     let zero = match change.metric.unit {
         MetricUnit::Ms => 1.0,
         _ => 0.0,

@@ -227,7 +227,8 @@ fn a_comparison_filters_its_frames_by_their_changes() {
           button.click();
           const { filter } = button.dataset;
           const isRight = at(`.figure.on .shot:not(.off):not([data-is~=${filter}])`) === 0;
-          kinds[filter] = [left(), button.getAttribute('aria-pressed'), isRight || filter === 'wrong'];
+          const pressed = button.getAttribute('aria-pressed');
+          kinds[filter] = [left(), pressed, isRight || filter === 'wrong'];
           button.click();
         }
         const unfiltered = left() === all;
@@ -251,7 +252,8 @@ fn a_comparison_filters_its_frames_by_their_changes() {
         own.dispatchEvent(new own.HashChangeEvent('hashchange'));
         const linked = on(own) === frame.id;
         return { all, kinds, unfiltered, focused, isOther, pressed, moved, address, blinking, linked,
-          pictures: at('.figure [data-kind=disparity]'), errors: at('.figure [data-kind=error]') };
+          pictures: at('.figure [data-kind=disparity]'),
+          errors: at('.figure [data-kind=error]') };
         ",
     );
     for name in ["unfiltered", "focused", "isOther", "moved", "linked"] {

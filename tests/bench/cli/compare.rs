@@ -340,7 +340,7 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
     let words = format!("{better} frames better, {equal} equal, {worse} worse");
     fixture.transcript(&format!(
         "compare 0#v3 1#v3:max_disparity=4 => {words}
-        compare 0 1 --markdown => v3:max\\_disparity=4 {words} | points
+        compare 0 1 --markdown => v3:max\\_disparity=4: {words} | points
         cat page.html => {worse} worse</button> | {better} better</button> | {equal} equal</button>"
     ));
     // Algorithms that are not compared come before all else, with the cure.
@@ -530,7 +530,7 @@ fn a_line_of_a_trend_is_interrupted_where_settings_change() {
     let tips = |label: &str| right.matches(&format!("<title>{label}, {date}")).count();
     assert!(tips("own") > 0 && tips("bm") > 0, "{right}");
     assert_eq!(right.matches("other settings: max_disparity").count(), 1);
-    // Of bm is a line through three points; of the other one through two.
+    // The line of bm has three points, that of the other one two.
     let lines = right.split("<polyline points=\"").skip(1);
     let lines = lines.filter(|line| line.contains("stroke-width=\"4\""));
     let lengths = lines.map(|line| line.split('"').next().unwrap().split(' ').count());

@@ -1,14 +1,13 @@
 //! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
 
 use super::figures::{CheckpointFigure, FrameShot, Rank};
-use super::scenes::error_key;
 use super::timeline::run_name;
 use crate::rows::records::{CellRow, Row};
-use crate::show::page::parts::{MarkView, PageImages, css_color};
+use crate::show::page::parts::{MarkView, PageImages};
 use crate::show::words::ms;
 use minijinja::{Value, context};
 use svl_core::stereo::CellState;
-use svl_files::overlay::{Mark, viridis};
+use svl_files::overlay::Mark;
 use svl_score::judge::{AreaChoice, CellFinding, METRICS, Metric, MetricTotal, Verdict};
 
 /// A figure for the template. `place`: that of an algorithm among all.
@@ -70,12 +69,6 @@ pub(crate) fn frame_name(row: &Row) -> String {
 pub(crate) fn is_wrong(shot: &FrameShot) -> bool {
     let has = |name| shot.row.metrics.get(name).is_some_and(|cells| cells > 0.0);
     has("missed") || has("wrong") || shot.passed == Some(false)
-}
-
-/// The colours of the pictures, for the template of frames.
-pub(crate) fn picture_colors() -> Value {
-    let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
-    context! { ramp => stops.collect::<Vec<_>>().join(", "), errors => error_key() }
 }
 
 /// Estimate, disparities and errors of an algorithm. `changed`: the columns and rows of the cells

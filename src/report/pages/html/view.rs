@@ -1,10 +1,10 @@
 //! The values of the page's template: the domain's own types, and what it cannot compute.
 
 use super::figures::{CheckpointFigure, Rank, ReportPage, SceneFigure};
-use super::frames::{figure_view, picture_colors};
+use super::frames::figure_view;
 use super::heat::heat_map;
 use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
-use super::scenes::scene_view;
+use super::scenes::{picture_colors, scene_view};
 use super::shades::{parameter_shades, swept};
 use crate::show::page::parts::{PageImages, css_color};
 use crate::show::table::model::{Table, TableCell, TableColumn};
