@@ -251,8 +251,8 @@ fn a_comparison_filters_its_frames_by_their_changes() {
         own.location.hash = '#' + encodeURI(frame.dataset.frame);
         own.dispatchEvent(new own.HashChangeEvent('hashchange'));
         const linked = on(own) === frame.id;
-        return { all, kinds, unfiltered, focused, isOther, pressed, moved, address, blinking, linked,
-          pictures: at('.figure [data-kind=disparity]'),
+        return { all, kinds, unfiltered, focused, isOther, pressed, moved, address, blinking,
+          linked, pictures: at('.figure [data-kind=disparity]'),
           errors: at('.figure [data-kind=error]') };
         ",
     );
