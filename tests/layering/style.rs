@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13330),
+    ("bench", 13358),
     ("c", 470),
     ("calibrate", 4981),
-    ("cli", 10891),
+    ("cli", 10909),
     ("core", 19627),
     ("files", 2566),
     ("grab", 5156),
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 13582),
-    ("score", 8611),
+    ("report", 13955),
+    ("score", 8651),
     ("sim", 3534),
     ("thesis", 2664),
-    ("train", 3403),
+    ("train", 3406),
     ("viewer", 1781),
 ];
 

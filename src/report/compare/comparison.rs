@@ -1,6 +1,7 @@
 //! Comparison of two reports: of each metric its change, the interval of that, and the verdict.
 
 use super::courses::CourseChanges;
+use super::frames::FrameCounts;
 use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
 use crate::compare::courses::is_alike;
@@ -107,6 +108,9 @@ pub struct AlgorithmChange {
     pub other_inputs: usize,
     /// Pairs whose results are equal to the bit.
     pub equal_results: usize,
+    /// Pairs that became better and worse by their cells; absent if nothing may be called so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<FrameCounts>,
     pub metrics: Vec<Change>,
     /// Metrics that one of the reports does not measure, or neither.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -178,6 +182,8 @@ impl Comparison {
             for change in all.filter(|change| change.judgement != Judgement::Equal) {
                 change.judgement = Judgement::Unjudged;
             }
+            let algorithms = comparison.algorithms.iter_mut();
+            algorithms.for_each(|own| own.frames = None);
         }
         comparison.not_compared = comparison.why_not(join);
         comparison.cautions = comparison.doubts(join);
@@ -320,6 +326,7 @@ impl AlgorithmChange {
             blocks: runs.blocks(),
             other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
             equal_results: count(|[a, b]| a.result_hash == b.result_hash),
+            frames: Some(FrameCounts::new(&own.pairs)),
             metrics,
             not_measured,
             has_partial_checkpoints: checkpoints.is_empty() && has_both,

@@ -7,16 +7,20 @@ use crate::pages::html::figures::FrameShot;
 use crate::rows::records::{CellRow, Row};
 use crate::rows::samples::{is_scene, run_key};
 use crate::units::pictures::StoredImage;
-use crate::units::shots::LeftImages;
+use crate::units::shots::StoredShots;
+use serde::Serialize;
 use std::cmp::Ordering;
 use std::collections::HashMap;
+use svl_core::counted;
 use svl_core::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 use svl_files::overlay::{self, NEAR_M, Nearness};
 use svl_score::judge::{Metric, MetricValues};
 use svl_score::manifest::Manifest;
 
-/// Limit of the frames of either direction.
-const MAX_FRAMES: usize = 3;
+/// Limit of the frames of a kind that are shown for their change alone.
+const MAX_CHANGED: usize = 3;
+/// Limit of the frames of a kind: the others are those that both reports have pictures of.
+const MAX_FRAMES: usize = 5;
 /// Least time between two frames that are shown, ns: neighbours look alike.
 const MIN_GAP_NS: u64 = 1_000_000_000;
 /// Grey of an image that is not there.
@@ -24,11 +28,59 @@ const BLANK: u8 = 64;
 
 /// A frame in both reports.
 pub(super) struct ChangedFrame {
-    pub is_worse: bool,
+    pub change: Ordering,
     /// Before and after; without tables of cells they have none.
     pub shots: [FrameShot; 2],
     /// The reason why neither a folder nor the recording has the left image.
     pub no_image: Option<String>,
+}
+
+/// Worse, better and equal frames, by their harm.
+pub(super) const CHANGES: [Ordering; 3] = [Ordering::Greater, Ordering::Less, Ordering::Equal];
+
+pub(super) fn change_word(change: Ordering) -> &'static str {
+    match change {
+        Ordering::Greater => "worse",
+        Ordering::Less => "better",
+        Ordering::Equal => "equal",
+    }
+}
+
+/// The numbers of pairs by the changes of their cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct FrameCounts {
+    pub better: usize,
+    pub equal: usize,
+    pub worse: usize,
+    /// Pairs without a truth of cells, whose results are not equal.
+    pub unscored: usize,
+}
+
+impl FrameCounts {
+    pub(super) fn new(pairs: &[[&Row; 2]]) -> Self {
+        let changes = pairs.iter().map(|pair| Some(order(&harm(pair)?, &NO_HARM)));
+        let changes: Vec<_> = changes.collect();
+        let count = |change| changes.iter().filter(|own| **own == change).count();
+        let [worse, better, equal] = CHANGES.map(|change| count(Some(change)));
+        Self {
+            better,
+            equal,
+            worse,
+            unscored: count(None),
+        }
+    }
+
+    pub(super) fn words(&self) -> String {
+        let better = counted(self.better, "frame");
+        let words = format!(
+            "{better} better, {} equal, {} worse",
+            self.equal, self.worse
+        );
+        match self.unscored {
+            0 => words,
+            frames => format!("{words}, {frames} without a truth of cells"),
+        }
+    }
 }
 
 /// Change of missed near obstacles, of false ones, and of wrong minus right cells; negative ones
@@ -39,8 +91,18 @@ type FrameHarm = [f64; 3];
 /// A frame that became neither better nor worse.
 const NO_HARM: FrameHarm = [0.0; 3];
 
-/// `None` without a truth of cells.
-fn harm(before: &MetricValues, after: &MetricValues) -> Option<FrameHarm> {
+fn order(a: &FrameHarm, b: &FrameHarm) -> Ordering {
+    a.partial_cmp(b).unwrap_or(Ordering::Equal)
+}
+
+/// `None` without a truth of cells, unless the results are equal.
+fn harm([before, after]: &[&Row; 2]) -> Option<FrameHarm> {
+    let is_equal = before.result_hash == after.result_hash;
+    let harm = metric_harm(&before.metrics, &after.metrics);
+    harm.or_else(|| is_equal.then_some(NO_HARM))
+}
+
+fn metric_harm(before: &MetricValues, after: &MetricValues) -> Option<FrameHarm> {
     let change = |name| Some(after.get(name)? - before.get(name)?);
     // Without distances no obstacle is missed or false.
     let [missed, falsely] = ["missed", "false"].map(|name| change(name).unwrap_or_default());
@@ -50,10 +112,10 @@ fn harm(before: &MetricValues, after: &MetricValues) -> Option<FrameHarm> {
 /// The left image of a row's pair, found again where the report with that manifest has it from.
 pub type FindLeft<'a> = dyn Fn(&Manifest, &Row) -> Result<StoredImage, String> + 'a;
 
-/// The left images of both reports.
+/// The pictures of both reports.
 pub(super) struct BothImages<'a> {
     runs: [&'a ScoredRun; 2],
-    images: [LeftImages; 2],
+    stored: [StoredShots; 2],
     find: &'a FindLeft<'a>,
 }
 
@@ -62,33 +124,31 @@ impl<'a> BothImages<'a> {
     /// The errors of reading the pictures.
     pub fn new(join: &Join<'a>, find: &'a FindLeft<'a>) -> svl_core::Result<Self> {
         let runs = join.runs;
-        let [a, b] = runs.map(|run| LeftImages::find(&run.folder));
-        let images = [a?, b?];
-        Ok(Self { runs, images, find })
+        let [a, b] = runs.map(|run| StoredShots::find(&run.folder));
+        let stored = [a?, b?];
+        Ok(Self { runs, stored, find })
     }
 
-    /// True if a folder holds the image of the pair.
-    fn hold(&self, pair: [&Row; 2]) -> bool {
-        (0..2).any(|side| self.images[side].hold(pair[side]))
+    /// Number of the reports that hold no picture of the pair.
+    fn missing(&self, pair: &[&Row; 2]) -> usize {
+        let held = (0..2).filter(|side| self.stored[*side].hold(pair[*side]));
+        2 - held.count()
     }
 
-    /// The image, or the reason why it is not there.
-    fn read(&self, pair: [&Row; 2]) -> svl_core::Result<Result<StoredImage, String>> {
-        for (images, row) in self.images.iter().zip(pair) {
-            if let Some(found) = images.read(row)? {
-                return Ok(Ok(found));
-            }
-        }
+    /// The left image from where a report has it, or the reason why it is not there.
+    fn find(&self, pair: [&Row; 2]) -> Result<Vec<u8>, String> {
         let [first, second] = [0, 1].map(|i| (&self.runs[i].manifest, pair[i]));
         let found = (self.find)(first.0, first.1);
-        Ok(found.or_else(|why| (self.find)(second.0, second.1).map_err(|_| why)))
+        let found = found.or_else(|why| (self.find)(second.0, second.1).map_err(|_| why));
+        found.map(|(file, _)| file)
     }
 }
 
 /// The rows of a pair, and the harm.
 type ScoredPair<'a> = ([&'a Row; 2], FrameHarm);
 
-/// The frames of an algorithm that changed most, those that became worse first.
+/// The frames of an algorithm that changed most, those that became worse first, and some that both
+/// reports have pictures of.
 ///
 /// # Errors
 /// The errors of reading the tables of cells and the pictures.
@@ -96,19 +156,25 @@ pub(super) fn changed_frames(
     own: &JoinedAlgorithm<'_>,
     images: &BothImages<'_>,
 ) -> svl_core::Result<Vec<ChangedFrame>> {
-    let scored = own.pairs.iter().filter_map(|pair| {
-        let [before, after] = pair.map(|row| &row.metrics);
-        Some((*pair, harm(before, after).filter(|harm| *harm != NO_HARM)?))
-    });
+    let scored = own.pairs.iter();
+    let scored = scored.filter_map(|pair| Some((*pair, harm(pair)?)));
     let mut scored: Vec<ScoredPair<'_>> = scored.collect();
-    // Equal changes: those with an image come first. The sorts are stable.
-    scored.sort_by_key(|(pair, _)| !images.hold(*pair));
-    let order = |a: &FrameHarm, b: &FrameHarm| a.partial_cmp(b).unwrap_or(Ordering::Equal);
-    let is_worse = |(_, harm): &ScoredPair<'_>| *harm > NO_HARM;
-    let (mut worse, mut better): (Vec<_>, Vec<_>) = scored.into_iter().partition(is_worse);
-    worse.sort_by(|(_, a), (_, b)| order(b, a));
-    better.sort_by(|(_, a), (_, b)| order(a, b));
-    let chosen = [spread(&worse), spread(&better)].concat();
+    // Equal changes: those with pictures come first. The sorts are stable.
+    scored.sort_by_key(|(pair, _)| images.missing(pair));
+    let chosen = CHANGES.iter().flat_map(|change| {
+        let is_own = |(_, harm): &&ScoredPair<'_>| order(harm, &NO_HARM) == *change;
+        let mut pairs: Vec<_> = scored.iter().filter(is_own).copied().collect();
+        pairs.sort_by(|(_, a), (_, b)| match change {
+            Ordering::Less => order(a, b),
+            _ => order(b, a),
+        });
+        let mut chosen = Vec::new();
+        spread(&pairs, MAX_CHANGED, &mut chosen);
+        pairs.retain(|(pair, _)| images.missing(pair) == 0);
+        spread(&pairs, MAX_FRAMES, &mut chosen);
+        chosen
+    });
+    let chosen: Vec<_> = chosen.collect();
     let mut cells: [Vec<Vec<CellRow>>; 2] = [0, 1].map(|_| vec![Vec::new(); chosen.len()]);
     for (side, cells) in cells.iter_mut().enumerate() {
         let rows: Vec<_> = chosen.iter().map(|(pair, _)| pair[side]).collect();
@@ -116,46 +182,67 @@ pub(super) fn changed_frames(
         images.runs[side].each_pair_of_cells(own.labels[side], &rows, take)?;
     }
     let frame = |(i, (pair, harm)): (usize, ScoredPair<'_>)| {
-        let (left, no_image) = match images.read(pair)? {
-            Ok((file, _)) => (Some(file), None),
-            Err(why) => (None, Some(why)),
-        };
+        let [a, b] = [0, 1].map(|side| images.stored[side].read(pair[side]));
+        let mut stored = [a?, b?];
+        let left = stored.iter().flatten().next();
+        let left = left.map(|shot| shot.left.clone());
+        let left = left.map_or_else(|| images.find(pair), Ok);
         let mut shot = |side: usize| {
+            let row = pair[side];
             let cells = std::mem::take(&mut cells[side][i]);
-            shot(pair[side], cells, left.as_deref())
+            let stored = stored[side].take();
+            let stored = stored.filter(|shot| shot.row.algorithm == row.algorithm);
+            shot(row, cells, stored, left.as_ref().ok())
         };
-        let mut shots = [shot(0)?, shot(1)?];
-        // The truth of both is shown once.
-        shots[0].truth = None;
         Ok(ChangedFrame {
-            is_worse: harm > NO_HARM,
-            shots,
-            no_image,
+            change: order(&harm, &NO_HARM),
+            shots: [shot(0)?, shot(1)?],
+            no_image: left.err(),
         })
     };
     chosen.into_iter().enumerate().map(frame).collect()
 }
 
-/// The first ones that are no neighbours of each other.
-fn spread<'a>(pairs: &[ScoredPair<'a>]) -> Vec<ScoredPair<'a>> {
-    let mut chosen: Vec<ScoredPair<'_>> = Vec::new();
+/// Adds the first ones that are no neighbours of each other, up to `limit`.
+fn spread<'a>(pairs: &[ScoredPair<'a>], limit: usize, chosen: &mut Vec<ScoredPair<'a>>) {
     for pair in pairs {
         let is_neighbour = |own: &ScoredPair<'_>| {
             let (row, own) = (pair.0[0], own.0[0]);
             let gap_ns = row.stamp_ns.abs_diff(own.stamp_ns);
-            run_key(row) == run_key(own) && !is_scene(row) && gap_ns < MIN_GAP_NS
+            std::ptr::eq(row, own)
+                || run_key(row) == run_key(own) && !is_scene(row) && gap_ns < MIN_GAP_NS
         };
-        if chosen.len() < MAX_FRAMES && !chosen.iter().any(is_neighbour) {
+        if chosen.len() < limit && !chosen.iter().any(is_neighbour) {
             chosen.push(*pair);
         }
     }
-    chosen
 }
 
-/// A frame as the page of `svl score` shows it, from the tables of a report. `left`: the file, or
-/// nothing for a blank image.
-fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> svl_core::Result<FrameShot> {
+/// A frame as the page of `svl score` shows it, as the report stored it, else from its tables.
+/// `left`: the file, or nothing for a blank image.
+fn shot(
+    row: &Row,
+    cells: Vec<CellRow>,
+    stored: Option<FrameShot>,
+    left: Option<&Vec<u8>>,
+) -> svl_core::Result<FrameShot> {
     let size = (row.width as usize, row.height as usize);
+    let blank = || svl_files::encode_png(size.0, size.1, &vec![BLANK; size.0 * size.1]);
+    let shot = match stored {
+        Some(shot) => FrameShot {
+            row: row.clone(),
+            ..shot
+        },
+        None => FrameShot {
+            row: row.clone(),
+            left: left.map_or_else(blank, |file| Ok(file.clone()))?,
+            size,
+            ..FrameShot::default()
+        },
+    };
+    if !shot.cells.is_empty() {
+        return Ok(shot);
+    }
     let most = |number: fn(&CellRow) -> u32| cells.iter().map(number).max().unwrap_or(0) as usize;
     let shape = GridShape {
         columns: 1 + most(|cell| cell.column),
@@ -170,23 +257,14 @@ fn shot(row: &Row, cells: Vec<CellRow>, left: Option<&[u8]>) -> svl_core::Result
         let grid = DepthGrid::new(shape, cells.collect());
         grid.map_or_else(|_| Vec::new(), |grid| overlay::marks(&grid, size, nearness))
     };
-    let blank = || svl_files::encode_png(size.0, size.1, &vec![BLANK; size.0 * size.1]);
     Ok(FrameShot {
-        row: row.clone(),
-        passed: None,
-        failures: Vec::new(),
-        findings: Vec::new(),
-        left: left.map_or_else(blank, |file| Ok(file.to_vec()))?,
-        size,
         estimate: marks(CellRow::depth),
         // The table of cells has no percentiles of the truth.
         truth: Some(marks(|cell| {
             Some(CellDepth::at(cell.true_median_px? as f32, None))
         })),
-        preview: None,
-        true_preview: None,
-        errors: None,
         cells,
+        ..shot
     })
 }
 
@@ -251,8 +329,11 @@ mod tests {
     #[test]
     fn without_distances_cells_decide() {
         let values = |right| MetricValues::from([("right", right), ("wrong", 1.0)]);
-        assert_eq!(harm(&values(9.0), &values(7.0)), Some([0.0, 0.0, 2.0]));
+        assert_eq!(
+            metric_harm(&values(9.0), &values(7.0)),
+            Some([0.0, 0.0, 2.0])
+        );
         let none = MetricValues::default();
-        assert_eq!(harm(&none, &values(7.0)), None);
+        assert_eq!(metric_harm(&none, &values(7.0)), None);
     }
 }

@@ -12,9 +12,9 @@ pub(crate) mod trend;
 
 pub use crate::results::change::{Change, CheckpointName, Judgement, NotMeasured, changes};
 pub use comparison::{AlgorithmChange, Comparison, Conclusion};
-pub use frames::FindLeft;
+pub use frames::{FindLeft, FrameCounts};
 pub use join::Join;
 pub use page::page;
 pub use scored_run::ScoredRun;
-pub use text::signed;
-pub use trend::{Trend, TrendLine, TrendPoint};
+pub use text::unitless;
+pub use trend::{Trend, TrendLine, TrendOrigin, TrendPoint};

@@ -1,6 +1,7 @@
 //! A comparison in words: at most three sentences and its tables, for terminal, Markdown and page.
 
 use super::comparison::{AlgorithmChange, Comparison, Conclusion};
+use super::courses::CourseChanges;
 use super::join::{Join, MAP};
 use crate::results::change::{Change, Judgement, is_ranked};
 use crate::results::summary::caution;
@@ -11,6 +12,8 @@ use crate::show::words::NONE;
 use svl_core::{counted, joined};
 use svl_score::judge::{ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
+/// The unit of differences of shares.
+const POINTS: &str = "points";
 /// Limit of the changes in Markdown, with the line of what is not compared.
 const MAX_LINES: usize = 4;
 
@@ -187,16 +190,16 @@ impl Comparison {
         let mut text: String = lines.map(|line| wrapped(&line, 7, style.width)).collect();
         if self.algorithms.len() > 1 && *columns == ColumnChoice::Headline {
             text += &format!("\n{}", self.overview().terminal(style));
-            let courses = self.algorithms.iter();
-            let courses = courses
-                .filter_map(|own| Some(format!("{}: {}", own.labels(), own.course_words()?)));
+            let courses = self.algorithms.iter().filter(|own| own.courses.is_some());
+            let courses =
+                courses.filter_map(|own| Some(format!("{}: {}", own.labels(), own.item_words()?)));
             text.extend(courses.map(|line| "\n".to_owned() + &wrapped(&line, 2, style.width)));
         } else {
             for own in &self.algorithms {
-                let extent = format!("{}: {}", own.title(), own.extent());
-                text.push('\n');
-                let lines = [extent].into_iter().chain(own.course_words());
-                text.extend(lines.map(|line| wrapped(&line, 2, style.width)));
+                let items = own.item_words().map(|words| format!("; {words}"));
+                let items = items.unwrap_or_default();
+                let line = format!("{}: {}{items}", own.title(), own.extent());
+                text += &format!("\n{}", wrapped(&line, 2, style.width));
                 text += &own.table(columns).terminal(style);
             }
         }
@@ -212,12 +215,13 @@ impl Comparison {
                 .any(|own| own.change(metric).is_some())
         });
         let mut table = Table::new("", "change");
-        table
-            .columns
-            .extend(metrics.iter().map(|metric| TableColumn {
+        table.columns.extend(metrics.iter().map(|metric| {
+            let [group, head] = [metric.group, metric.head].map(|w| w.replace('%', POINTS));
+            TableColumn {
                 is_optional: !is_ranked(metric),
-                ..TableColumn::text(metric.group, metric.head)
-            }));
+                ..TableColumn::text(group, head)
+            }
+        }));
         for own in &self.algorithms {
             let cells = metrics.iter().map(|metric| own.change(metric));
             let cells = cells.map(|change| match change {
@@ -254,11 +258,13 @@ impl Comparison {
     pub fn markdown(&self) -> String {
         let word = self.conclusion.word();
         let reason = escape(self.verdict.strip_prefix(word).unwrap_or_default());
-        let courses = self.algorithms.iter();
-        let courses = courses.filter_map(AlgorithmChange::course_words);
-        let courses = courses.collect::<Vec<_>>().join("; ");
+        let changed = self.algorithms.iter();
+        let changed = changed.filter(|own| own.equal_results < own.pairs);
+        let items =
+            changed.filter_map(|own| Some(format!("{}: {}", own.labels(), own.item_words()?)));
+        let items = items.collect::<Vec<_>>().join("; ");
         let [not_compared, caution] = self.remarks();
-        let notes = [not_compared.unwrap_or_default(), courses].map(|note| escape_prose(&note));
+        let notes = [not_compared.unwrap_or_default(), items].map(|note| escape_prose(&note));
         let notes = notes.into_iter().filter(|note| !note.is_empty());
         let said: Vec<_> = [format!("**{word}**{reason}")]
             .into_iter()
@@ -400,11 +406,12 @@ impl AlgorithmChange {
         worse.collect()
     }
 
-    /// The changes that a table of these columns has: below those of the headline are others for
-    /// the worse.
+    /// The changes that a table of these columns has: of checkpoints in the headline those that
+    /// differ, and below are others for the worse.
     fn rows(&self, columns: &ColumnChoice) -> Vec<&Change> {
         let mut rows = self.shown(columns);
         if *columns == ColumnChoice::Headline {
+            rows.retain(|own| own.checkpoint.is_none() || own.difference != 0.0);
             let mut besides = self.besides();
             besides.retain(|own| !rows.iter().any(|row| std::ptr::eq(*row, *own)));
             rows.extend(besides);
@@ -415,6 +422,19 @@ impl AlgorithmChange {
     pub(super) fn table(&self, columns: &ColumnChoice) -> Table {
         let rows = self.rows(columns).into_iter();
         change_table(&rows.map(|own| (own.name(), own)).collect::<Vec<_>>())
+    }
+
+    /// The table with a bar for each interval, behind the change.
+    pub(super) fn drawn_table(&self, columns: &ColumnChoice) -> Table {
+        let (mut table, rows) = (self.table(columns), self.rows(columns));
+        if rows.iter().any(|change| change.interval.is_some()) {
+            table.columns.insert(4, TableColumn::text("", ""));
+            for (row, change) in table.rows.iter_mut().zip(&rows) {
+                let bar = interval_cell(change, &rows);
+                row.insert(4, bar.unwrap_or(TableCell::Text(String::new())));
+            }
+        }
+        table
     }
 
     /// The label of the algorithm, or those of two.
@@ -440,10 +460,12 @@ impl AlgorithmChange {
         }
     }
 
-    /// The courses that changed, in a line.
-    pub(super) fn course_words(&self) -> Option<String> {
-        let words = self.courses.as_ref()?.words();
-        Some(words).filter(|words| !words.is_empty())
+    /// The courses that changed, or the numbers of frames that did, in a line.
+    pub(super) fn item_words(&self) -> Option<String> {
+        let frames = self.frames.filter(|own| own.unscored < self.pairs);
+        let courses = self.courses.as_ref().map(CourseChanges::words);
+        let words = courses.or_else(|| Some(frames?.words()));
+        words.filter(|words| !words.is_empty())
     }
 
     /// Pairs that the second report alone failed on, in words.
@@ -520,6 +542,32 @@ fn change_table(changes: &[(String, &Change)]) -> Table {
     table
 }
 
+/// The difference of a change with its interval; those of shares have one scale.
+fn interval_cell(change: &Change, all: &[&Change]) -> Option<TableCell> {
+    // Times change by a ratio.
+    let zero = match change.metric.unit {
+        MetricUnit::Ms => 1.0,
+        _ => 0.0,
+    };
+    let scale = |own: &Change| (own.metric.unit, own.checkpoint.is_some());
+    let is_alike = |own: &&&Change| {
+        let are_shares = change.metric.unit == MetricUnit::Share && scale(own) == scale(change);
+        are_shares || std::ptr::eq(**own, change)
+    };
+    let alike = all.iter().filter(is_alike);
+    let ends = alike.filter_map(|own| own.interval);
+    let reach = ends.fold(f64::MIN_POSITIVE, |reach, (low, high)| {
+        reach.max((low - zero).abs()).max((high - zero).abs())
+    });
+    let (low, high) = change.interval?;
+    let place = |value: f64| 50.0 + 48.0 * (value - zero) / reach;
+    Some(TableCell::Interval {
+        low: place(low),
+        high: place(high),
+        value: place(change.difference),
+    })
+}
+
 impl Change {
     /// The difference, and the word of one that is told from chance.
     fn cell(&self) -> TableCell {
@@ -560,15 +608,16 @@ impl Change {
     }
 }
 
-fn unitless(metric: &Metric, difference: f64) -> String {
+/// A difference with its sign, without its unit.
+pub fn unitless(metric: &Metric, difference: f64) -> String {
     let text = signed(metric, difference);
     text.split(' ').next().unwrap_or_default().to_owned()
 }
 
 /// A difference with its sign, also where it rounds to 0: a bound of `-0.0` excludes 0. Of times a
-/// ratio.
-pub fn signed(metric: &Metric, v: f64) -> String {
-    let shown = metric.show(v.abs());
+/// ratio, of shares in points.
+fn signed(metric: &Metric, v: f64) -> String {
+    let shown = metric.show(v.abs()).replace('%', POINTS);
     match metric.unit {
         MetricUnit::Ms => metric.show_relative(v),
         _ if v < 0.0 => format!("-{shown}"),
@@ -585,5 +634,35 @@ mod tests {
         let wrong = Metric::find("wrong").unwrap();
         let shown = [-0.003, -0.0001, 0.0, 0.0001].map(|value| unitless(wrong, value));
         assert_eq!(shown, ["-0.3", "-0.0", "+0.0", "+0.0"]);
+    }
+
+    #[test]
+    fn bars_of_shares_have_one_scale_and_times_no_difference_at_1() {
+        let change = |name, difference, interval| {
+            let metric = Metric::find(name).unwrap();
+            Change::new(metric, [0.1, 0.2], difference, interval)
+        };
+        let all = [
+            change("right", 0.1, Some((-0.1, 0.2))),
+            change("wrong", -0.05, Some((-0.1, 0.0))),
+            change("missed", 3.0, Some((2.0, 4.0))),
+            change("time", 1.5, Some((1.0, 2.0))),
+            change("found", 0.3, None),
+        ];
+        let all: Vec<_> = all.iter().collect();
+        let places = all
+            .iter()
+            .filter_map(|own| match interval_cell(own, &all)? {
+                TableCell::Interval { low, high, value } => {
+                    Some([low, value, high].map(f64::round))
+                }
+                _ => None,
+            });
+        let places: Vec<_> = places.collect();
+        assert_eq!(places[0], [26.0, 74.0, 98.0]);
+        assert_eq!(places[1], [26.0, 38.0, 50.0]);
+        assert_eq!(places[2], [74.0, 86.0, 98.0]);
+        assert_eq!(places[3], [50.0, 74.0, 98.0]);
+        assert_eq!(places.len(), 4);
     }
 }

@@ -217,6 +217,7 @@ record! {
 }
 
 record! {
+    #[derive(Default)]
     /// One pair through one algorithm.
     Row {
         /// Name of the scenario.

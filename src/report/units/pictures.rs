@@ -64,29 +64,41 @@ impl BlockPictures {
         })
     }
 
-    /// The left image of the row's pair, if they show it: the file, and the size of the image.
+    /// A frame of the row's pair, if they show it: of a scene without cells.
     ///
     /// # Errors
     /// [`Error::Invalid`] if a picture is not what svl writes.
-    pub fn left(&self, row: &Row) -> Result<Option<StoredImage>> {
+    pub fn shot(&self, row: &Row) -> Result<Option<FrameShot>> {
         let is_own = |own: &Row| own.pair_hash == row.pair_hash;
-        for shot in self
-            .checkpoints
-            .iter()
-            .filter(|shot| shot.sequence == row.sequence)
-        {
-            let shot = shot.shot()?;
-            if is_own(&shot.row) {
-                return Ok(Some((shot.left, shot.size)));
-            }
-        }
         let mut frames = self.figures().flat_map(|figure| &figure.shots);
         if let Some((_, shot)) = frames.find(|(_, shot)| is_own(&shot.row)) {
-            return Ok(Some((shot.left.clone(), shot.size)));
+            return Ok(Some(shot.clone()));
         }
-        let shows = |scene: &&SceneFigure| scene.shots.iter().any(|shot| is_own(&shot.row));
-        let scene = self.all_scenes().find(shows);
-        Ok(scene.map(|scene| (scene.left.clone(), scene.size)))
+        let checkpoints = self.checkpoints.iter();
+        for shot in checkpoints.filter(|shot| shot.sequence == row.sequence) {
+            let shot = shot.shot()?;
+            if is_own(&shot.row) {
+                return Ok(Some(FrameShot {
+                    passed: None,
+                    failures: Vec::new(),
+                    findings: Vec::new(),
+                    ..shot
+                }));
+            }
+        }
+        let mut scenes = self.all_scenes();
+        Ok(scenes.find_map(|scene| {
+            let own = scene.shots.iter().find(|own| is_own(&own.row))?;
+            Some(FrameShot {
+                preview: Some(own.disparities.clone()),
+                true_preview: scene.truth.clone(),
+                errors: own.errors.clone(),
+                row: own.row.clone(),
+                left: scene.left.clone(),
+                size: (own.row.width as usize, own.row.height as usize),
+                ..FrameShot::default()
+            })
+        }))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The pictures of a report, chosen from those of its units.
 
-use super::pictures::{BlockPictures, CheckpointShot, StoredImage};
+use super::pictures::{BlockPictures, CheckpointShot};
 use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::store::Units;
@@ -84,15 +84,15 @@ pub fn for_drives(
     Ok(figures)
 }
 
-/// The left images that the units of a report hold: not of all pairs.
+/// The frames that the units of a report show: not of all pairs.
 #[derive(Default)]
-pub(crate) struct LeftImages {
-    /// Per seed, recording and number of a pair a unit with pictures that show it.
-    units: BTreeMap<(Option<u64>, Option<String>, u64), StoredUnit>,
+pub(crate) struct StoredShots {
+    /// Per seed, recording and number of a pair the units with pictures that show it.
+    units: BTreeMap<(Option<u64>, Option<String>, u64), Vec<StoredUnit>>,
 }
 
-impl LeftImages {
-    /// The images of a report's folder; none without units of this version of svl.
+impl StoredShots {
+    /// The frames of a report's folder; none without units of this version of svl.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file.
@@ -107,28 +107,40 @@ impl LeftImages {
             for unit in kept.all() {
                 for sequence in unit.pictures()?.iter().flat_map(BlockPictures::sequences) {
                     let key = (run.seed, run.run.clone(), sequence);
-                    found.units.insert(key, unit.clone());
+                    found.units.entry(key).or_default().push(unit.clone());
                 }
             }
         }
         Ok(found)
     }
 
-    /// True if it is there, as [`LeftImages::read`] reads it.
-    pub fn hold(&self, row: &Row) -> bool {
+    /// The units that show the row's pair, those of its algorithm first.
+    fn units(&self, row: &Row) -> Vec<&StoredUnit> {
         let key = (row.seed, row.run.clone(), row.sequence);
-        self.units.contains_key(&key)
+        let mut units: Vec<_> = self.units.get(&key).into_iter().flatten().collect();
+        units.sort_by_key(|unit| unit.label != row.algorithm);
+        units
     }
 
-    /// The image of the row's pair.
+    /// True if the row's pair is there, as its algorithm matched it.
+    pub fn hold(&self, row: &Row) -> bool {
+        let units = self.units(row);
+        units.iter().any(|unit| unit.label == row.algorithm)
+    }
+
+    /// A frame of the row's pair: of its algorithm, else of any other.
     ///
     /// # Errors
-    /// The errors of [`LeftImages::find`].
-    pub fn read(&self, row: &Row) -> Result<Option<StoredImage>> {
-        let key = (row.seed, row.run.clone(), row.sequence);
-        let unit = self.units.get(&key);
-        let pictures = unit.map(StoredUnit::pictures).transpose()?.flatten();
-        pictures.map_or(Ok(None), |pictures| pictures.left(row))
+    /// The errors of [`StoredShots::find`].
+    pub fn read(&self, row: &Row) -> Result<Option<FrameShot>> {
+        for unit in self.units(row) {
+            if let Some(pictures) = unit.pictures()?
+                && let Some(shot) = pictures.shot(row)?
+            {
+                return Ok(Some(shot));
+            }
+        }
+        Ok(None)
     }
 }
 

@@ -219,7 +219,7 @@ fn frames_are_filtered_by_run_and_checkpoint() {
         const left = () => [...own.document.querySelectorAll('[data-choose]:not([hidden])')].map(
           (button) => own.document.getElementById(button.dataset.choose));
         const choose = (name, value) => {
-          const select = own.document.querySelector(`[data-filter=${name}]`);
+          const select = own.document.querySelector(`[data-select=${name}]`);
           select.value = value;
           select.dispatchEvent(new own.Event('change', { bubbles: true }));
         };
@@ -288,10 +288,11 @@ fn a_report_shows_where_it_failed_and_obeys_keys_and_links() {
         const blinking = at('.blink');
         key(own, 'keyup', 't');
         const after = at('.blink');
-        own.document.getElementById('wrong-only').click();
+        const wrongOnly = own.document.querySelector('[data-filter=wrong]');
+        wrongOnly.click();
         const left = at('[data-choose]:not([hidden])');
-        const wrong = at('.figure:has(.shot[data-wrong])');
-        own.document.getElementById('wrong-only').click();
+        const wrong = at('.figure:has(.shot[data-is~=wrong])');
+        wrongOnly.click();
         own.document.querySelector('.lane-name a').click();
         const opened = own.location.hash.slice(1), shown = on(own);
         own.document.querySelector('.figure.on .shot:not(.off) svg').dispatchEvent(
@@ -450,4 +451,96 @@ fn a_layer_of_drives_is_its_ways_and_its_rows() {
     );
     let expected = serde_json::json!({ "before": [4, 2], "after": [2, 0], "colored": true });
     assert_eq!(found, expected);
+}
+
+#[test]
+fn a_comparison_filters_its_frames_by_their_changes() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let run = Fixture::new();
+    run.record_short_arena("run.mcap", 40, 7);
+    let long = "l".repeat(200);
+    run.transcript(&format!(
+        "score run.mcap --algo v3 --algo bm --rerun none -q -o a
+        score run.mcap --algo v3:max_disparity=8 --algo bm:block_size=21 --rerun none -q -o {long}
+        compare a {long} -o page.html
+        compare a {long} a -o trend.html"
+    ));
+    for page in ["page.html", "trend.html"] {
+        for view in [(1400, false), (1400, true), (900, true), (420, false)] {
+            let faults = inspect(&run, page, view, "return faults(own);");
+            assert_eq!(faults, serde_json::json!([]), "{page} {view:?}");
+        }
+    }
+    let found = inspect(
+        &run,
+        "page.html",
+        (1400, false),
+        "
+        const at = (selector) => own.document.querySelectorAll(selector).length;
+        const left = () => at('[data-choose]:not([hidden])');
+        const all = left(), kinds = {};
+        const buttons = [...own.document.querySelectorAll('.chooser [data-filter]')];
+        for (const button of buttons) {
+          button.click();
+          const { filter } = button.dataset;
+          const isRight = at(`.figure.on .shot:not(.off):not([data-is~=${filter}])`) === 0;
+          const pressed = button.getAttribute('aria-pressed');
+          kinds[filter] = [left(), pressed, isRight || filter === 'wrong'];
+          button.click();
+        }
+        const unfiltered = left() === all;
+        const number = own.document.querySelector('.algorithm:nth-of-type(3) [data-filter=worse]');
+        number.focus();
+        const focused = own.document.activeElement === number;
+        number.click();
+        const shown = new Set([...own.document.querySelectorAll('.figure.on .shot:not(.off)')]
+          .map((shot) => shot.dataset.algorithm));
+        const isOther = shown.size === 1 && shown.has(number.dataset.algorithm);
+        const pressed = number.getAttribute('aria-pressed');
+        number.click();
+        const first = on(own);
+        key(own, 'keydown', 'ArrowRight');
+        const moved = on(own) !== first, address = decodeURI(own.location.hash);
+        key(own, 'keydown', 't');
+        const blinking = at('.blink');
+        key(own, 'keyup', 't');
+        const frame = own.document.querySelector('.figure[data-frame]');
+        own.location.hash = '#' + encodeURI(frame.dataset.frame);
+        own.dispatchEvent(new own.HashChangeEvent('hashchange'));
+        const linked = on(own) === frame.id;
+        return { all, kinds, unfiltered, focused, isOther, pressed, moved, address, blinking,
+          linked, pictures: at('.figure [data-kind=disparity]'),
+          errors: at('.figure [data-kind=error]') };
+        ",
+    );
+    for name in ["unfiltered", "focused", "isOther", "moved", "linked"] {
+        assert!(found[name] == true, "{name}: {found}");
+    }
+    let kinds = &found["kinds"];
+    let number = |kind: &str| kinds[kind][0].as_u64().unwrap();
+    for kind in ["worse", "equal", "better", "wrong"] {
+        assert!(number(kind) <= found["all"].as_u64().unwrap(), "{found}");
+        assert_eq!(
+            (&kinds[kind][1], &kinds[kind][2]),
+            (&"true".into(), &true.into()),
+            "{kind}"
+        );
+    }
+    assert!(
+        number("worse") > 0 && number("worse") < found["all"].as_u64().unwrap(),
+        "{found}"
+    );
+    assert_eq!(found["pressed"], "true");
+    assert!(
+        found["address"]
+            .as_str()
+            .unwrap()
+            .ends_with("/bm → bm:block_size=21"),
+        "{found}"
+    );
+    for name in ["blinking", "pictures", "errors"] {
+        assert!(found[name].as_u64() > Some(0), "{name}: {found}");
+    }
 }

@@ -3,6 +3,7 @@
 use super::fixture::{Fixture, assert_says, datasets};
 use super::transcript::{assert_words, plain};
 use serde_json::Value;
+use std::cmp::Ordering::{Equal, Greater, Less};
 
 /// The number of equal results of the first algorithm, in the JSON of a comparison.
 const EQUAL: &str = "/0/algorithms/0/equal_results";
@@ -286,27 +287,62 @@ fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
 #[test]
 fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
     let fixture = scored(&["v3 --algo bm", "v3:max_disparity=4 --algo bm"]);
-    // Three frames became worse; three miss fewer obstacles, as nearly nothing is reported there.
-    // Each is shown before, after and in truth. The images that the folders lack are rendered
-    // again.
+    // Each frame is shown before, after and in truth. The images that the folders lack are rendered
+    // again. Of frames that both reports show are the pictures of disparities and errors.
     fixture.transcript(
         "compare 0 1 -o page.html => page   page.html\\n
         cat page.html => v3 → v3:max_disparity=4 \
         | <strong class=\"worse\">worse</strong>: v3 → v3:max_disparity=4 right cells  \
         | real at 95\u{a0}% (Holm) over 80 pairs | <td class=\"bad\">WORSE</td> \
         | Frames that changed most | <p class=\"label\">truth</p> |  → unknown, true  \
-        | class=\"changed\" | 80 pairs, 80 with equal results \
-        | The results of all frames are equal. | 6x <section class=\"figure\"> \
-        | 18x role=\"img\" | !stand alone | !<script | !http",
+        | class=\"changed\" | 80 pairs, 80 with equal results | points; exact \
+        | The results of all frames are equal. | svg class=\"interval\" \
+        | data-frame=\"1&#x2f; | data-is=\"worse | data-is=\"better \
+        | aria-label=\"v3: disparity\" \
+        | aria-label=\"v3:max_disparity=4: error\" \
+        | has only the rows of this frame | !stand alone | !http",
     );
     let page = fixture.text("page.html");
-    let reason = |side: &str| {
-        let (_, frames) = page.split_once(&format!("class=\"side\">{side}<")).unwrap();
-        let (_, reason) = frames.split_once("</b>: ").unwrap();
+    let reason = |change: &str| {
+        let (_, reason) = page.split_once(&format!("\">{change}</span>: ")).unwrap();
         reason.split('<').next().unwrap()
     };
-    assert!(reason("Worse").starts_with("right cells "));
-    assert!(reason("Better").starts_with("missed near obstacles "));
+    assert!(reason("worse").starts_with("right cells "));
+    assert!(reason("better").starts_with("missed near obstacles "));
+    // The numbers are those of the rows.
+    let counts = |key: &str| -> Vec<[f64; 3]> {
+        let column = |name: &str| fixture.column(&format!("{key}/rows.csv"), name);
+        let labels = column("algorithm");
+        let columns = ["missed", "false", "cells_wrong", "cells_right"].map(column);
+        let row = |i: usize| {
+            columns
+                .each_ref()
+                .map(|cells| cells[i].parse::<f64>().unwrap())
+        };
+        let own = (0..labels.len()).filter(|i| labels[*i].starts_with("v3"));
+        let harm = own
+            .map(row)
+            .map(|[missed, falsely, wrong, right]| [missed, falsely, wrong - right]);
+        harm.collect()
+    };
+    let both = counts("0").into_iter().zip(counts("1"));
+    let changes: Vec<_> = both.map(|(a, b)| b.partial_cmp(&a).unwrap()).collect();
+    let count = |order| changes.iter().filter(|own| **own == order).count();
+    let [better, equal, worse] = [Less, Equal, Greater].map(count);
+    assert!(better > 0 && worse > 0 && better + equal + worse == 80);
+    assert_words(
+        &fixture.run("compare 0#v3 1#v3:max_disparity=4 --json"),
+        &format!(
+            "/0/algorithms/0/frames/better = {better} | /0/algorithms/0/frames/equal = {equal} \
+             | /0/algorithms/0/frames/worse = {worse} | /0/algorithms/0/frames/unscored = 0"
+        ),
+    );
+    let words = format!("{better} frames better, {equal} equal, {worse} worse");
+    fixture.transcript(&format!(
+        "compare 0#v3 1#v3:max_disparity=4 => {words}
+        compare 0 1 --markdown => v3:max\\_disparity=4: {words} | points
+        cat page.html => {worse} worse</button> | {better} better</button> | {equal} equal</button>"
+    ));
     // Algorithms that are not compared come before all else, with the cure.
     fixture.transcript(
         "score short.toml -q --algo v3:max_disparity=4 --algo sgm -o 2 --rerun none
@@ -415,7 +451,7 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     fixture.transcript(
         "compare 0 1 2 -o trend.html
         cat trend.html => 3 reports, the newest last | over 80 pairs | <h2>Reports</h2> \
-        | <li>2</li> | !<script
+        | >3 2</th> | !<script | !other settings:
         compare 0 1 2 -o trend.json
         cat trend.json => /reports = [\"0\", \"1\", \"2\"]",
     );
@@ -443,6 +479,65 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     fixture.transcript(
         "cat other.json => /reports = [\"0\", \"1\"] | /lines/# > 0 \
         | /cautions has other is left out: it shares no pair",
+    );
+}
+
+#[test]
+fn a_line_of_a_trend_is_interrupted_where_settings_change() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 20);
+    for (report, own) in [
+        ("0", "v3"),
+        ("1", "v3:max_disparity=8"),
+        ("2", "v3:max_disparity=8"),
+    ] {
+        fixture.run(&format!(
+            "score short.toml -q --rerun none -o {report} --algo own={own} --algo bm"
+        ));
+    }
+    fixture.transcript(
+        "compare 0 1 2 -o trend.json
+        cat trend.json => /origins/# = 3
+        compare 0 1 2 -o trend.html
+        compare 2 1 0 -o back.json
+        cat back.json => /cautions has not in the order of their dates",
+    );
+    let manifest = fixture.json_file("1/manifest.json");
+    let began = manifest["began"].as_str().unwrap();
+    let origin = &fixture.json_file("trend.json")["origins"][1];
+    assert_eq!(origin["began"], began);
+    assert_eq!(origin["git_revision"], manifest["git_revision"]);
+    let date = began[..16].replace('T', " ");
+    let page = fixture.text("trend.html");
+    let trend = fixture.json_file("trend.json");
+    let lines = trend["lines"].as_array().unwrap();
+    let points = |label: &str| {
+        let own = lines.iter().find(|line| line["algorithm"] == label);
+        own.unwrap()["points"].as_array().unwrap()
+    };
+    let settings = |label| [0, 1, 2].map(|i| points(label)[i]["other_settings"].as_str());
+    assert_eq!(settings("bm"), [None; 3]);
+    let [None, Some(settings), None] = settings("own") else {
+        panic!("{trend}");
+    };
+    assert!(
+        settings.starts_with("max_disparity ") && settings.ends_with(" → 8"),
+        "{settings}"
+    );
+    assert_words(&page, &format!("own: {settings} | <td>{date}</td>"));
+    let right = page.split("aria-label=\"right cells, %\"").nth(1).unwrap();
+    let right = right.split("</figure>").next().unwrap();
+    let tips = |label: &str| right.matches(&format!("<title>{label}, {date}")).count();
+    assert!(tips("own") > 0 && tips("bm") > 0, "{right}");
+    assert_eq!(right.matches("other settings: max_disparity").count(), 1);
+    // The line of bm has three points, that of the other one two.
+    let lines = right.split("<polyline points=\"").skip(1);
+    let lines = lines.filter(|line| line.contains("stroke-width=\"4\""));
+    let lengths = lines.map(|line| line.split('"').next().unwrap().split(' ').count());
+    let lengths: Vec<_> = lengths.collect();
+    assert!(
+        lengths.contains(&3) && lengths.iter().filter(|n| **n == 3).count() == 1,
+        "{lengths:?}"
     );
 }
 

@@ -95,7 +95,7 @@ pub struct CheckpointFigure {
 }
 
 /// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub struct FrameShot {
     #[serde(with = "stored::row")]
     pub row: Row,

@@ -32,8 +32,7 @@ pub(crate) fn figure_view<'a>(
     let is_same = |row: &Row| first.is_some_and(|first| first.pair_hash == row.pair_hash);
     // The truth of a pair stands once.
     let is_one_pair = !is_film && shots.iter().all(|(_, shot)| is_same(&shot.row));
-    let frame = first.filter(|_| is_one_pair);
-    let frame = frame.map(|row| format!("{}/{}", run_name(row), row.sequence));
+    let frame = first.filter(|_| is_one_pair).map(frame_name);
     let truth = shots.first().filter(|_| is_one_pair);
     let truth = truth.map(|(_, shot)| true_pictures(shot, images));
     let shots = shots.into_iter().map(|(rank, shot)| {
@@ -41,24 +40,25 @@ pub(crate) fn figure_view<'a>(
         if !is_one_pair {
             pictures.extend(true_pictures(shot, images));
         }
-        let (rank, place) = match rank {
+        let (rank, failed) = match rank {
             Rank::Failed(place) => ("sample", Some(place)),
             Rank::Worst => ("worst", None),
             Rank::Best => ("best", None),
             Rank::Sample => ("sample", None),
         };
-        let has = |name| shot.row.metrics.get(name).is_some_and(|cells| cells > 0.0);
-        let is_wrong = has("missed") || has("wrong") || shot.passed == Some(false);
-        let words = shot_words(shot);
         // That frame alone.
         let at_s = replays
             .at_s(&shot.row)
             .map(|at_s| [at_s - 0.002, at_s + 0.002]);
         let millis = |s: f64| (s * 1e3).round() / 1e3;
         let replay = at_s.and_then(|span_s| replays.command(&shot.row, span_s.map(millis)));
+        let algorithm = &shot.row.algorithm;
+        let name = moment(&shot.row).unwrap_or_else(|| algorithm.clone());
+        let (label, place) = (format!("{algorithm} {rank}"), place(algorithm));
+        let is = if is_wrong(shot) { "wrong" } else { "" };
         context! {
-            rank, place, is_wrong, moment => moment(&shot.row), pictures, replay,
-            algo => replays.algorithm(&shot.row.algorithm), run => run_name(&shot.row), ..words
+            rank, failed, place, is, name, label, pictures, replay,
+            algo => replays.algorithm(algorithm), run => run_name(&shot.row), ..shot_words(shot)
         }
     });
     let shots: Vec<_> = shots.collect();
@@ -74,20 +74,20 @@ pub(crate) fn figure_view<'a>(
     context! { checkpoint, title, about, is_film, frame, truth, shots, shows }
 }
 
-/// A frame for the template; without its cells it is not shown. `changed`: the columns and rows of
-/// the cells that are outlined.
-pub(crate) fn shot_view<'a>(
-    shot: &'a FrameShot,
-    changed: &[(u32, u32)],
-    images: &mut PageImages<'a>,
-) -> Value {
-    let mut pictures = shot_pictures(shot, changed, images);
-    pictures.extend(true_pictures(shot, images));
-    context! { pictures, ..shot_words(shot) }
+/// The words of a frame in links: its run and number.
+pub(crate) fn frame_name(row: &Row) -> String {
+    format!("{}/{}", run_name(row), row.sequence)
 }
 
-/// Estimate, disparities and errors of an algorithm.
-fn shot_pictures<'a>(
+/// True for a frame that the filter of wrong ones leaves.
+pub(crate) fn is_wrong(shot: &FrameShot) -> bool {
+    let has = |name| shot.row.metrics.get(name).is_some_and(|cells| cells > 0.0);
+    has("missed") || has("wrong") || shot.passed == Some(false)
+}
+
+/// Estimate, disparities and errors of an algorithm. `changed`: the columns and rows of the cells
+/// that are outlined.
+pub(crate) fn shot_pictures<'a>(
     shot: &'a FrameShot,
     changed: &[(u32, u32)],
     images: &mut PageImages<'a>,
@@ -95,7 +95,7 @@ fn shot_pictures<'a>(
     let marks = shot.estimate.iter();
     let marks = marks.map(|mark| mark_view(shot, mark, cell_words, true, changed));
     let pictures = [
-        ("estimate", Some(&shot.left), marks.collect()),
+        ("estimate", shot.marked_left(), marks.collect()),
         ("disparity", shot.preview.as_ref(), Vec::new()),
         ("error", shot.errors.as_ref(), Vec::new()),
     ];
@@ -103,13 +103,13 @@ fn shot_pictures<'a>(
 }
 
 /// The truth of the pair.
-fn true_pictures<'a>(shot: &'a FrameShot, images: &mut PageImages<'a>) -> Vec<Value> {
+pub(crate) fn true_pictures<'a>(shot: &'a FrameShot, images: &mut PageImages<'a>) -> Vec<Value> {
     let marks = shot.truth.as_ref().map(|truth| {
         let marks = truth.iter();
         let marks = marks.map(|mark| mark_view(shot, mark, truth_words, false, &[]));
         marks.collect()
     });
-    let left = marks.as_ref().map(|_: &Vec<_>| &shot.left);
+    let left = marks.as_ref().and_then(|_: &Vec<_>| shot.marked_left());
     let pictures = [
         ("truth", left, marks.unwrap_or_default()),
         ("true disparity", shot.true_preview.as_ref(), Vec::new()),
@@ -125,14 +125,21 @@ fn drawn<'a, const N: usize>(
     pictures: [ShotPicture<'a>; N],
     images: &mut PageImages<'a>,
 ) -> Vec<Value> {
-    let pictures = pictures.into_iter().filter(|_| !shot.cells.is_empty());
     let pictures = pictures
+        .into_iter()
         .filter_map(|(label, file, marks)| Some(images.picture(label, file?, shot.size, marks)));
     pictures.collect()
 }
 
+impl FrameShot {
+    /// The left image, if there are cells to mark in it.
+    fn marked_left(&self) -> Option<&Vec<u8>> {
+        Some(&self.left).filter(|_| !self.cells.is_empty())
+    }
+}
+
 /// The words below the pictures.
-fn shot_words(shot: &FrameShot) -> Value {
+pub(crate) fn shot_words(shot: &FrameShot) -> Value {
     let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     context! {
         algorithm => shot.row.algorithm, passed => shot.passed, origin => shot.row.origin_words(),

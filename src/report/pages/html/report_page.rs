@@ -47,10 +47,7 @@ impl ReportPage {
     /// # Errors
     /// [`Error::Invalid`] with the error of the template engine.
     pub fn render(&self) -> Result<String> {
-        let parts = [
-            ("headline.html", include_str!("headline.html")),
-            ("page.js", include_str!("page.js")),
-        ];
+        let parts = [("headline.html", include_str!("headline.html"))];
         let (page, style) = (include_str!("index.html"), include_str!("page.css"));
         let page = fill(page, style, &parts, view::view(self))?;
         Ok(page.replacen("<!-- contents -->", &contents(&page), 1))

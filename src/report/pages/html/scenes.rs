@@ -5,6 +5,7 @@ use super::frames::{cells, numbers};
 use crate::show::page::parts::{css_color, data_url};
 use minijinja::{Value, context};
 use svl_files::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};
+use svl_files::overlay::viridis;
 
 /// A scene for the template. `place`: that of an algorithm among all.
 pub(crate) fn scene_view(scene: &SceneFigure, place: impl Fn(&str) -> usize) -> Value {
@@ -25,8 +26,14 @@ pub(crate) fn scene_view(scene: &SceneFigure, place: impl Fn(&str) -> usize) -> 
     }
 }
 
+/// The colours of the pictures, for the template of frames.
+pub(crate) fn picture_colors() -> Value {
+    let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
+    context! { ramp => stops.collect::<Vec<_>>().join(", "), errors => error_key() }
+}
+
 /// The colours of the error maps with their meanings: errors, and pixels without one.
-pub(crate) fn error_key() -> Value {
+fn error_key() -> Value {
     let errors = BINS.iter().enumerate().map(|(i, (end, color))| {
         // An error of size 1 is 3 px.
         let px = |size: f32| match 3.0 * size {

@@ -4,7 +4,7 @@ use super::figures::{CheckpointFigure, Rank, ReportPage, SceneFigure};
 use super::frames::figure_view;
 use super::heat::heat_map;
 use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
-use super::scenes::{error_key, scene_view};
+use super::scenes::{picture_colors, scene_view};
 use super::shades::{parameter_shades, swept};
 use super::timeline::run_name;
 use crate::show::page::parts::{PageImages, css_color};
@@ -14,7 +14,7 @@ use std::cmp::Ordering::Equal;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
-use svl_files::overlay::{REFERENCE_COLOR, viridis};
+use svl_files::overlay::REFERENCE_COLOR;
 use svl_score::judge::ColumnChoice;
 use svl_score::notice::grouped;
 
@@ -38,7 +38,6 @@ pub(crate) fn view(page: &ReportPage) -> Value {
     identity.extend(note.map(|note| ("not scored".to_owned(), note)));
     let shots = || page.figures.iter().flat_map(|figure| &figure.shots);
     let marks = shots().flat_map(|(_, shot)| &shot.estimate);
-    let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
     let headline = headline(page);
     let heat = heat_map(page).map(|(grid, about)| context! { grid, about });
     let gate = page.gate.iter();
@@ -79,8 +78,9 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         doubts => doubts.collect::<Vec<_>>(), warnings,
         has_choice => page.figures.iter().any(has_choice), figures,
         scenes => scenes.iter().map(|scene| scene_view(scene, place)).collect::<Vec<_>>(),
-        errors => error_key(), ramp => stops.collect::<Vec<_>>().join(", "),
-        images => images.into_views(), files => page.files,
+        filters => [("wrong", "wrong only")],
+        has_v5 => manifest.algorithms.iter().any(|own| own.name == "v5"),
+        images => images.into_views(), files => page.files, ..picture_colors()
     }
 }
 

@@ -10,8 +10,11 @@ use serde::Serialize;
 use svl_core::{Error, Result, printable};
 use svl_files::overlay::Mark;
 
-const PARTS: [(&str, &str); 4] = [
+const PARTS: [(&str, &str); 7] = [
     ("base.html", include_str!("base.html")),
+    ("frames.css", include_str!("frames.css")),
+    ("frames.html", include_str!("frames.html")),
+    ("page.js", include_str!("page.js")),
     ("kit.html", include_str!("kit.html")),
     ("tables.html", include_str!("tables.html")),
     ("style.css", include_str!("style.css")),

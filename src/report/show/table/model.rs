@@ -48,6 +48,12 @@ pub enum TableCell {
         right: f64,
         wrong: f64,
     },
+    /// A difference with its interval, on pages: places between 0 and 100, 50 for no difference.
+    Interval {
+        low: f64,
+        high: f64,
+        value: f64,
+    },
     /// A median time, ms, and its mark.
     Time {
         ms: f64,
@@ -194,7 +200,7 @@ impl TableCell {
         match self {
             Self::Text(text) | Self::Alert(text) => printable_line(text),
             Self::Time { ms: time_ms, mark } => ms(*time_ms) + mark,
-            Self::Bar { .. } => String::new(),
+            Self::Bar { .. } | Self::Interval { .. } => String::new(),
             Self::Marks(shares) => {
                 let marks = shares.iter().map(|share| share.map_or('·', mark));
                 let marks: Vec<_> = marks.map(String::from).collect();

@@ -47,7 +47,7 @@ const MAX_BAR: usize = 15;
 const MIN_BAR: usize = 6;
 
 /// Longest name beside columns that leave too little room; longer ones get a line of their own.
-const NAME: usize = 24;
+const NAME: usize = 21;
 
 /// Colours of right, unknown and wrong, as codes of the 256.
 const RIGHT: u8 = 32;

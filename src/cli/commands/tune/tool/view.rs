@@ -9,7 +9,7 @@ use ratatui::layout::{Layout, Rect};
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
-use svl::report::compare::{Change, Judgement, signed};
+use svl::report::compare::{Change, Judgement, unitless};
 use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use svl::stereo::Reason;
 use svl::tune::KnobPart;
@@ -172,10 +172,7 @@ fn sample_head(shown: &TuneState) -> Line<'static> {
 pub(super) fn change_cells(change: &Change) -> [String; 4] {
     let metric = change.metric;
     // The unit is that of the values.
-    let signed = |value| {
-        let text = signed(metric, value);
-        text.split(' ').next().unwrap_or_default().to_owned()
-    };
+    let signed = |value| unitless(metric, value);
     let interval = change.interval.map_or(String::new(), |(low, high)| {
         format!("{}..{}", signed(low), signed(high))
     });

@@ -12,10 +12,9 @@ root.classList.add("js");
 
 const figures = all(".figure");
 const slider = document.getElementById("slider");
-const wrongOnly = document.getElementById("wrong-only");
-const selects = all("[data-filter]");
+const selects = all("[data-select]");
 const isPressed = (button) => button?.getAttribute("aria-pressed") === "true";
-const chosen = (name) => selects.find((select) => select.dataset.filter === name)?.value;
+const chosen = (name) => selects.find((select) => select.dataset.select === name)?.value;
 
 // True for a shot of an algorithm and a run that are chosen.
 function isChosen({ dataset: { algorithm, run } }) {
@@ -24,13 +23,13 @@ function isChosen({ dataset: { algorithm, run } }) {
 
 // The figures that the filters leave.
 function shown() {
+  const shots = state.filter ? `.shot[data-is~="${state.filter}"]` : ".shot";
   const checkpoint = chosen("checkpoint");
-  const isFiltered = isPressed(wrongOnly) || selects.some((select) => select.value);
+  const isUnseen = (figure) => !state.filter && !chosen("run") && !figure.querySelector(".shot");
   return figures.filter(
     (figure) =>
-      !isFiltered ||
-      ((!checkpoint || figure.dataset.checkpoint?.split(" ").includes(checkpoint)) &&
-        all(isPressed(wrongOnly) ? ".shot[data-wrong]" : ".shot", figure).some(isChosen)),
+      (!checkpoint || figure.dataset.checkpoint?.split(" ").includes(checkpoint)) &&
+      (isUnseen(figure) || all(shots, figure).some(isChosen)),
   );
 }
 
@@ -46,7 +45,7 @@ function tell(line, command, words) {
 function show() {
   const list = shown();
   if (list.length > 0 && !list.some((figure) => figure.id === state.figure)) state.figure = list[0].id;
-  for (const figure of figures) figure.classList.toggle("on", figure.id === state.figure);
+  for (const figure of figures) figure.classList.toggle("on", list.includes(figure) && figure.id === state.figure);
   for (const shot of all(".shot")) {
     const { rank } = shot.dataset;
     shot.classList.toggle("off", !isChosen(shot) || Boolean(rank && rank !== state.rank));
@@ -63,6 +62,9 @@ function show() {
   press("choose", (id) => id === state.figure);
   press("toggle", (label) => state.algorithms.has(label));
   press("rank", (rank) => rank === state.rank);
+  press("filter", (filter) => filter === state.filter);
+  for (const button of all("[data-filter][data-algorithm]"))
+    button.setAttribute("aria-pressed", button.dataset.filter === state.filter && isChosen(button));
   for (const button of all("[data-choose]", chooser))
     button.hidden = !list.some((figure) => figure.id === button.dataset.choose);
   if (!slider) return;
@@ -167,7 +169,8 @@ contents.hidden = root.scrollHeight < 3 * innerHeight;
 function go(fragment, algorithm) {
   const name = decodeURI(fragment.slice(1));
   const isFrame = ({ dataset: { frame } }) => frame && (name === frame || name.startsWith(`${frame}/`));
-  const frame = figures.find(isFrame);
+  const isNamed = (figure) => all(".shot", figure).some((shot) => name.endsWith(`/${shot.dataset.algorithm}`));
+  const frame = figures.find((figure) => isFrame(figure) && isNamed(figure)) ?? figures.find(isFrame);
   const target = frame ?? document.getElementById(name);
   const own = algorithm ?? (frame && name.slice(frame.dataset.frame.length + 1));
   if (labels.includes(own)) state.algorithms = new Set([own]);
@@ -178,9 +181,12 @@ function go(fragment, algorithm) {
   } else if (target?.matches(".figure")) state.figure = target.id;
   target?.closest("details")?.setAttribute("open", "");
   const isOpened = square || target?.matches(".figure");
-  if (isOpened && wrongOnly && !shown().some((figure) => figure.id === state.figure)) {
-    wrongOnly.setAttribute("aria-pressed", false);
+  const isHidden = () => isOpened && !shown().some((figure) => figure.id === state.figure);
+  if (isHidden()) {
+    state.filter = "";
     for (const select of selects) select.value = "";
+    const shot = document.getElementById(state.figure).querySelector(".shot");
+    if (isHidden() && shot) state.algorithms.add(shot.dataset.algorithm);
   }
   if (chooser) show();
   (isOpened ? document.getElementById("frames") : target)?.scrollIntoView();
@@ -191,15 +197,17 @@ document.addEventListener("click", (event) => {
   if (svg) return enlarge(svg);
   const button = event.target.closest("button, a");
   if (!button) return;
-  const { choose: id, toggle, rank, show: drive, figure, algorithm, step: by } = button.dataset;
+  const { choose: id, toggle, rank, show: drive, figure, algorithm, filter, step: by } = button.dataset;
   if (button.matches(".bin")) {
     tell(document.getElementById("bin"), button.dataset.command, button.title);
     if (button.hash === "#bin") return event.preventDefault();
   }
   if (id) choose(id);
   else if (by) step(Number(by));
-  else if (button.id === "wrong-only")
-    button.setAttribute("aria-pressed", !isPressed(button));
+  else if (filter) {
+    state.filter = isPressed(button) ? "" : filter;
+    if (algorithm) go("#frames", algorithm);
+  }
   else if (button.matches(".copy")) navigator.clipboard?.writeText(button.previousElementSibling.textContent);
   else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
   else if (drive) {
