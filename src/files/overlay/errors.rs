@@ -77,7 +77,7 @@ pub fn errors(disparities: &Plane<f32>, truth: &Truth) -> Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Plane, Reason};
+    use svl_core::stereo::{DisparityMap, Plane, Reason};
 
     #[test]
     fn sizes_are_kitti_s() {
