@@ -524,7 +524,7 @@ fn a_line_of_a_trend_is_interrupted_where_settings_change() {
         settings.starts_with("max_disparity ") && settings.ends_with(" → 8"),
         "{settings}"
     );
-    assert_words(&page, &format!("own: {settings} | <td>{date}</td>"));
+    assert_words(&page, &format!("own: {settings} | >{date}</td>"));
     let right = page.split("aria-label=\"right cells, %\"").nth(1).unwrap();
     let right = right.split("</figure>").next().unwrap();
     let tips = |label: &str| right.matches(&format!("<title>{label}, {date}")).count();

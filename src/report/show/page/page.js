@@ -163,7 +163,7 @@ if (layers.length) layer();
 
 // Contents are for long pages.
 const contents = document.querySelector(".contents");
-contents.hidden = root.scrollHeight < 3 * innerHeight;
+if (contents) contents.hidden = root.scrollHeight < 3 * innerHeight;
 
 // Opens what a fragment names: the frame of a square, a figure or a folded part.
 function go(fragment, algorithm) {

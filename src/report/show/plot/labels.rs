@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_text_without_room_is_reported() {
-        let mut labels = Labels::new([0, 0, 60, 30], 20);
+        let mut labels = Labels::new([0, 0, 90, 30], 20);
         labels.place("abcde", (10, 10), 8, 3);
         assert!(!labels.is_cut());
         assert!(labels.place("abcde", (10, 10), 8, 3).1 > 0);
