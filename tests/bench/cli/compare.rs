@@ -293,7 +293,7 @@ fn the_page_says_what_changed_on_which_frame_and_how_real_it_is() {
         "compare 0 1 -o page.html => page   page.html\\n
         cat page.html => v3 → v3:max_disparity=4 \
         | <strong class=\"worse\">worse</strong>: v3 → v3:max_disparity=4 right cells  \
-        | real at 95\u{a0}% (Holm) over 80 pairs | <td class=\"bad\">WORSE</td> \
+        | real at 95\u{a0}% (Holm) over 80 pairs | <td class=\"bad text\">WORSE</td> \
         | Frames that changed most | <p class=\"label\">truth</p> |  → unknown, true  \
         | class=\"changed\" | 80 pairs, 80 with equal results | points; exact \
         | The results of all frames are equal. | svg class=\"interval\" \
