@@ -432,7 +432,7 @@ mod tests {
         let (both, disc) = (one(SeriesStyle::Both), one(SeriesStyle::Disc(9)));
         let diagonal = series("", SeriesStyle::Front, &[(0.0, 0.0), (1.0, 1.0)]);
         assert!(!is_drawn(&[both.clone(), both, diagonal]));
-        assert!(!is_drawn(&[disc.clone()]));
+        assert!(!is_drawn(std::slice::from_ref(&disc)));
         assert!(is_drawn(&[disc.clone(), disc]));
         assert!(chart(&[(0.0, 1.0), (2.0, 3.0)]).if_any().is_some());
     }
