@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 419),
     ("python", 323),
     ("recording", 14010),
-    ("report", 13955),
+    ("report", 13952),
     ("score", 8651),
     ("sim", 3534),
     ("thesis", 2664),

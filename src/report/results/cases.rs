@@ -73,7 +73,7 @@ impl Results {
         let mut drives: Vec<_> = drives.iter().filter(|own| own.stress.is_none()).collect();
         let ranked = self.ranked_algorithms();
         let place = |own: &DriveRow| ranked.iter().position(|a| a.algorithm == own.algorithm);
-        let best = self.first_candidate()?;
+        let best = self.cited()?;
         let own = drives.iter().filter(|own| own.algorithm == best);
         // A drive that did not finish without a collision is worse than a finished one.
         let own = own.map(|own| (own.seed, (own.collisions, !own.finished)));
@@ -98,13 +98,6 @@ impl Results {
             .then_some(table)
     }
 
-    /// The first of the ranking that may be best, else the first.
-    fn first_candidate(&self) -> Option<&str> {
-        let ranked = self.ranked_algorithms();
-        let fit = ranked.iter().find(|a| self.may_be_best(a));
-        Some(&fit.or(ranked.first())?.algorithm)
-    }
-
     /// A row per case, the worst of the first candidate first; none for a single case.
     fn table_by_case(
         &self,
@@ -114,7 +107,7 @@ impl Results {
         mut cases: Vec<Case>,
     ) -> Option<Table> {
         let ranked = self.ranked_algorithms();
-        let best = self.first_candidate()?;
+        let best = self.cited()?;
         let value = |case: &Case| case.outcomes.get(best)?.0;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, value(b), value(a)));
@@ -212,6 +205,7 @@ mod tests {
     fn each_drive_is_a_row_and_the_worst_course_is_first() {
         let mut drives = [drive(1, "a"), drive(1, "b"), drive(2, "a"), drive(2, "b")];
         (drives[2].finished, drives[2].collisions) = (false, 2);
+        (drives[3].finished, drives[3].collisions) = (false, 5);
         drives[2].first_collision_m = Some(1.25);
         let rows = drives.iter().map(|own| Row {
             algorithm: own.algorithm.clone(),
@@ -223,12 +217,12 @@ mod tests {
             ..ReportTables::default()
         };
         let own = Results::new(&tables, ResultParts::default(), Shown::default()).unwrap();
-        let best = own.first_candidate().unwrap();
+        assert_eq!(own.cited(), Some("a"));
         let table = own.case_table(&[], &drives).unwrap();
         let names = table.rows.iter().map(|row| [row[0].text(), row[1].text()]);
         let names: Vec<_> = names.map(|own| own.join(" ")).collect();
-        let worst = if best == "a" { "course 2" } else { "course 1" };
-        assert!(names[0].starts_with(worst) && names.len() == 4, "{names:?}");
+        let expected = ["course 2 a", "course 2 b", "course 1 a", "course 1 b"];
+        assert_eq!(names, expected);
         let hit = TableCell::Alert("2 hits".to_owned());
         let row = table.rows.iter().find(|row| row[2] == hit).unwrap();
         assert_eq!(row[4].text(), "1.2");

@@ -172,7 +172,14 @@ fn the_answer_comes_before_frames_and_all_else_is_folded() {
         (GateState::Pass, "kept".into()),
         (GateState::Fail, "broken".into()),
     ];
+    page.summary.shown.sort = svl::score::Metric::find("flicker");
     let html = page.render().unwrap();
+    let legend = page.summary.legend();
+    let is_note = |line: &String| html.contains(&format!("<p class=\"note\">{line}</p>"));
+    assert!(
+        !legend.is_empty() && legend.iter().all(is_note),
+        "{legend:?}"
+    );
     let ids = "headline frames algorithms metrics speed gate cite made";
     let order = places(&html, &ids.split(' ').collect::<Vec<_>>());
     assert!(order.is_sorted(), "{order:?}");

@@ -68,12 +68,14 @@ impl Timeline {
                 runs.len() - 1
             });
         }
+        let mut frames: BTreeMap<u64, Vec<&ShownFrame>> = BTreeMap::new();
+        for frame in shown {
+            frames.entry(frame.sequence).or_default().push(frame);
+        }
         let figure = |row: &Row| {
-            let is_own = |frame: &&ShownFrame| {
-                let same = frame.sequence == row.sequence && frame.algorithm == row.algorithm;
-                same && frame.run == run_name(row)
-            };
-            let own = shown.iter().filter(is_own);
+            let own = frames.get(&row.sequence)?.iter();
+            let own =
+                own.filter(|frame| frame.algorithm == row.algorithm && frame.run == run_name(row));
             own.map(|frame| (frame.rank.unwrap_or(usize::MAX), frame.figure))
                 .min()
         };
