@@ -9,6 +9,7 @@ pub mod losses;
 pub mod manifest;
 pub mod memory;
 pub mod notice;
+pub mod pixel_errors;
 pub mod plausibility;
 pub mod resize;
 pub mod scenario;

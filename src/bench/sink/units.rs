@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
 use svl_core::stereo::hash_words;
-use svl_core::stereo::{Frame, Rgb, Rig};
+use svl_core::stereo::{CellRule, Frame, Rgb, Rig};
 use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
@@ -16,6 +16,7 @@ use svl_report::units::{
 use svl_report::{FrameRow, TruthRow};
 use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
+use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
 
 /// The truth of the cells of a frame, where distances are scored.
@@ -44,11 +45,15 @@ pub struct UnitSink {
     run: ReportRun,
     identity: RowIdentity,
     checkpoints: Vec<Checkpoint>,
+    /// Rule by which cells are scored.
+    cells: CellRule,
     start_ns: u64,
     shots: BlockShots,
     /// The units of the block under way, by their algorithms.
     block: BTreeMap<String, UnitWriter>,
     scales: TruthScales,
+    /// By algorithm.
+    pixel_errors: BTreeMap<String, PixelErrors>,
     /// Frames with a truth so far.
     truths: u64,
     pairs: SeenPairs,
@@ -65,10 +70,12 @@ impl UnitSink {
             run: ReportRun::default(),
             identity: RowIdentity::default(),
             checkpoints: Vec::new(),
+            cells: CellRule::default(),
             start_ns: 0,
             shots: BlockShots::default(),
             block: BTreeMap::new(),
             scales: TruthScales::default(),
+            pixel_errors: BTreeMap::new(),
             truths: 0,
             pairs: Arc::clone(pairs),
         }
@@ -78,6 +85,7 @@ impl UnitSink {
     fn end_block(&mut self) -> Result<()> {
         let (mut block, scales) = (std::mem::take(&mut self.block), self.scales.measured());
         self.scales = TruthScales::default();
+        let mut pixel_errors = std::mem::take(&mut self.pixel_errors);
         let mut pictures = self.shots.take_pictures()?;
         let pictured = self.plan.pictured();
         let pairs = self.pairs.lock();
@@ -104,6 +112,7 @@ impl UnitSink {
                 pairs: pairs[(number * BLOCK) as usize..].to_vec(),
                 has_pictures: pictured.contains(&label),
                 scale: scales.for_label(label),
+                pixel_errors: pixel_errors.remove(label).unwrap_or_default(),
                 ..UnitHeader::default()
             };
             writer.write(&path, pictures.remove(label).as_ref())?;
@@ -154,6 +163,10 @@ impl UnitSink {
         };
         for scored in &judged.estimates {
             let label = &scored.estimate.algorithm;
+            if self.run.stress.is_none() {
+                let own = self.pixel_errors.entry(label.clone()).or_default();
+                own.add(frame, &scored.estimate, &self.cells);
+            }
             let shown = scored.checkpoints.iter();
             let frames = shown.map(|(i, shown)| {
                 FrameRow::new(frame.sequence, label, &self.checkpoints[*i], shown)
@@ -195,6 +208,7 @@ impl Sink for UnitSink {
         let own = runs.find(|own| own.run == *run && own.seed == *seed && own.stress == *stress);
         self.run = own.cloned().unwrap_or_default();
         self.checkpoints.clone_from(&start.judge.checkpoints);
+        self.cells = start.judge.cells;
         self.start_ns = start.judge.run.start_ns;
         self.shots = BlockShots::new(start);
         self.block.clear();

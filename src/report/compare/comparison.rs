@@ -10,6 +10,7 @@ use crate::results::change::{
 };
 use crate::rows::records::Row;
 use crate::rows::samples::{paired, runs, sample_in};
+use crate::subjects::accuracy::{AccuracyRow, RunRanges};
 use crate::subjects::drives::DriveRow;
 use crate::subjects::references::EXACT;
 use serde::Serialize;
@@ -112,6 +113,9 @@ pub struct AlgorithmChange {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<FrameCounts>,
     pub metrics: Vec<Change>,
+    /// The errors of both by ranges of the true distance, if both have cells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_distance: Option<[Vec<AccuracyRow>; 2]>,
     /// Metrics that one of the reports does not measure, or neither.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_measured: Vec<NotMeasured>,
@@ -297,12 +301,19 @@ impl AlgorithmChange {
         let [base, other] = join.runs;
         let [a, b] = [0, 1].map(|side| own.rows(side));
         let runs = runs(&a);
-        let errors = if base.has_cells() && other.has_cells() {
-            let theirs = other.pair_errors(own.labels[1], &b)?;
-            Some([base.pair_errors(own.labels[0], &a)?, theirs])
-        } else {
-            None
-        };
+        let (mut errors, mut by_distance) = (None, None);
+        if base.has_cells() && other.has_cells() {
+            let ranges = RunRanges::new(&base.manifest)?;
+            let (ours, before) = base.pair_errors(own.labels[0], &a, &ranges)?;
+            let (theirs, after) = other.pair_errors(own.labels[1], &b, &ranges)?;
+            errors = Some([ours, theirs]);
+            let ranges = ranges.in_order(&before);
+            let both = [(before, own.labels[0]), (after, own.labels[1])];
+            by_distance = Some(both.map(|(tally, label)| {
+                let rows = tally.into_rows(&[label], &ranges).into_iter();
+                rows.filter(|row| row.area == base.area).collect()
+            }));
+        }
         let Changes {
             measured: mut metrics,
             not_measured,
@@ -327,6 +338,7 @@ impl AlgorithmChange {
             other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
             equal_results: count(|[a, b]| a.result_hash == b.result_hash),
             frames: Some(FrameCounts::new(&own.pairs)),
+            by_distance,
             metrics,
             not_measured,
             has_partial_checkpoints: checkpoints.is_empty() && has_both,

@@ -3,7 +3,7 @@
 use crate::rows::csv_rows::{RowReader, read_rows};
 use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::rows::samples::{RunKey, run_key, time_ns};
-use crate::subjects::accuracy::{AccuracyTally, PairErrors};
+use crate::subjects::accuracy::{AccuracyTally, PairErrors, RunRanges};
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
 use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::sources::Sources;
@@ -207,20 +207,30 @@ impl ScoredRun {
         Ok(())
     }
 
-    /// The errors of distances in these pairs, in their order.
-    pub(super) fn pair_errors(&self, label: &str, pairs: &[&Row]) -> Result<Vec<PairErrors>> {
+    /// The errors of distances in these pairs, in their order, and all of them by distance.
+    /// `ranges`: those that may be asked for.
+    pub(super) fn pair_errors(
+        &self,
+        label: &str,
+        pairs: &[&Row],
+        ranges: &RunRanges,
+    ) -> Result<(Vec<PairErrors>, AccuracyTally)> {
         let mut errors = Vec::new();
         errors.resize_with(pairs.len(), PairErrors::default);
         let rule = self.manifest.part("cells")?.unwrap_or_default();
-        let (mut tally, mut last_run) = (AccuracyTally::new(rule), None);
+        let [mut tally, mut all] = [(); 2].map(|()| AccuracyTally::new(rule, ranges));
+        let mut last_run = None;
         self.each_pair_of_cells(label, pairs, |i, cells| {
             let run = run_key(pairs[i]);
             if last_run.replace(run) != Some(run) {
-                tally.begin_pass(self.manifest.has_separate_pairs(run.1));
+                for own in [&mut tally, &mut all] {
+                    own.begin_pass(self.manifest.has_separate_pairs(run.1));
+                }
             }
+            all.add(time_ns(pairs[i]), cells);
             errors[i] = tally.take_pair(time_ns(pairs[i]), cells);
         })?;
-        Ok(errors)
+        Ok((errors, all))
     }
 
     /// True if the course of that seed has the same obstacles in both reports.

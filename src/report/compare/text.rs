@@ -3,12 +3,14 @@
 use super::comparison::{AlgorithmChange, Comparison, Conclusion};
 use super::courses::CourseChanges;
 use super::join::{Join, MAP};
+use crate::pages::summary_tables::accuracy_table;
 use crate::results::change::{Change, Judgement, is_ranked};
 use crate::results::summary::caution;
 use crate::show::table::markdown::{escape, escape_prose};
 use crate::show::table::model::{Table, TableCell, TableColumn};
 use crate::show::table::terminal::{TerminalStyle, wrapped};
 use crate::show::words::NONE;
+use crate::subjects::accuracy::AccuracyRow;
 use svl_core::{counted, joined};
 use svl_score::judge::{ColumnChoice, Metric, MetricOrigin, MetricUnit, TruthLevel};
 
@@ -435,6 +437,27 @@ impl AlgorithmChange {
             }
         }
         table
+    }
+
+    /// The errors by distance, those of both beside each other.
+    pub(super) fn distance_table(&self) -> Option<Table> {
+        let [before, after] = self.by_distance.as_ref()?;
+        let names = match self.other_algorithm == self.algorithm {
+            true => ["before", "after"],
+            false => [&*self.algorithm, &self.other_algorithm],
+        };
+        let rows = before.iter().flat_map(|row| {
+            let other = after.iter().find(|other| other.range() == row.range());
+            let both = [Some(row), other].into_iter().zip(names);
+            both.filter_map(|(row, name)| {
+                let algorithm = name.to_owned();
+                Some(AccuracyRow {
+                    algorithm,
+                    ..row?.clone()
+                })
+            })
+        });
+        accuracy_table("Error against distance", &rows.collect::<Vec<_>>())
     }
 
     /// The label of the algorithm, or those of two.

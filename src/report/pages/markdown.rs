@@ -28,10 +28,10 @@ impl Results {
             self.recording_table(),
             self.checkpoint_table(),
             self.drive_table(),
-            self.accuracy_table(),
             self.latency_table(),
         ];
-        let tables = single.into_iter().flatten().chain(self.stress_tables());
+        let tables = single.into_iter().flatten().chain(self.accuracy_tables());
+        let tables = tables.chain(self.stress_tables());
         for table in tables.chain(self.speed_table()) {
             section(&table.title, &table);
         }

@@ -36,17 +36,19 @@ const SPEED: [TextColumn<AlgorithmSummary>; 14] = [
     ("stages, ms", "other", |a| time(a.other_ms)),
 ];
 
-const ACCURACY: [TextColumn<AccuracyRow>; 10] = [
+const ACCURACY: [TextColumn<AccuracyRow>; 12] = [
     ("", "algorithm", |row| row.algorithm.clone()),
     ("", "true m", |row| row.range_words()),
-    ("", "cells", |row| row.cells.to_string()),
+    ("", "errors", |row| row.cells.to_string()),
+    ("", "fill %", |row| percent(row.fill)),
+    ("", "wrong %", |row| percent(row.wrong)),
     ("", "bias m", |row| metres(row.bias_m)),
     ("", "RMSE m", |row| metres(row.rmse_m)),
     ("", "median m", |row| metres(row.median_error_m)),
     ("", "AbsRel %", |row| percent(row.abs_rel)),
     ("", "noise m", |row| metres(row.noise_m)),
     ("", "flicker %", |row| percent(row.flicker)),
-    ("", "resting", |row| row.resting.to_string()),
+    ("", "resting", |row| counted_or_none(row.resting)),
 ];
 
 const RELIABILITY: [TextColumn<ReliabilityRow>; 5] = [
@@ -114,6 +116,14 @@ fn with_time_notes(table: Table) -> Table {
     table.with_notes(&notes)
 }
 
+/// A number of cases; none is no number.
+fn counted_or_none(cases: u64) -> String {
+    match cases {
+        0 => NONE.to_owned(),
+        cases => cases.to_string(),
+    }
+}
+
 fn metres(value: Option<f64>) -> String {
     value.map_or_else(|| NONE.to_owned(), |v| format!("{v:.3}"))
 }
@@ -130,6 +140,20 @@ fn rate(value: Option<f64>, range: Option<Interval>) -> String {
     value.map_or_else(|| NONE.to_owned(), words)
 }
 
+/// Errors by range; none without any.
+pub(crate) fn accuracy_table(title: &str, rows: &[AccuracyRow]) -> Option<Table> {
+    let mut table = Table::from_items(title, &ACCURACY, rows);
+    table.columns[1].is_text = true;
+    table.remove_empty_columns();
+    let table = table.with_notes(&[
+        "errors: number with a reported and a true distance",
+        "fill, wrong: known, of those with a true distance; wrong, of the known",
+        "noise, flicker: of the resting cells, whose true distance changes by at most 1 % from an \
+         answer to the next",
+    ]);
+    table.if_any()
+}
+
 impl Results {
     /// The metrics of the columns that are shown per algorithm, the best first.
     pub fn headline(&self) -> Table {
@@ -141,19 +165,27 @@ impl Results {
         self.metric_table(&ColumnChoice::All)
     }
 
-    /// Errors of distances by range, of all algorithms by range.
-    pub fn accuracy_table(&self) -> Option<Table> {
-        let own = self.ranked_algorithms().into_iter().flat_map(|a| {
-            let rows = self.accuracy.iter();
-            rows.filter(|row| row.algorithm == a.algorithm && row.area == self.basis.area)
+    /// Errors of distances by range: those of cells, then those of pixels.
+    pub fn accuracy_tables(&self) -> Vec<Table> {
+        let rows = |is_of_pixels: bool| {
+            let is_shown = |row: &&AccuracyRow| {
+                let is_asked = is_of_pixels || row.area == self.basis.area;
+                row.is_of_pixels == is_of_pixels && is_asked
+            };
+            let ranked = self.ranked_algorithms().into_iter();
+            let rows = ranked.flat_map(|a| {
+                let own = self.accuracy.iter();
+                own.filter(|row| row.algorithm == a.algorithm)
+            });
+            rows.filter(is_shown).cloned().collect::<Vec<_>>()
+        };
+        let title = "Error against distance";
+        let pixels = accuracy_table(&format!("{title}: pixels"), &rows(true));
+        let pixels = pixels.map(|table| {
+            table.with_notes(&["pixels: about 1200 of each pair, wrong by the tolerance of a cell"])
         });
-        let mut table = Table::from_items("Error against distance", &ACCURACY, own);
-        table.columns[1].is_text = true;
-        let table = table.with_notes(&[
-            "noise, flicker: of the resting cells, whose true distance changes by at most 1 % \
-             from an answer to the next",
-        ]);
-        table.if_any()
+        let cells = accuracy_table(title, &rows(false));
+        cells.into_iter().chain(pixels).collect()
     }
 
     /// Right cells by the probability that an algorithm gives them.

@@ -66,8 +66,8 @@ impl Results {
             let words = format!("not measured in this run: {names}{cure}");
             text.push_str(&wrapped(&words, 2, style.width));
         }
-        let detailed = [self.drive_table(), self.accuracy_table()];
-        let detailed = detailed.into_iter().flatten().filter(|_| is_all);
+        let detailed = self.drive_table().into_iter().chain(self.accuracy_tables());
+        let detailed = detailed.filter(|_| is_all);
         let more = detailed.chain(self.latency_table());
         let more = more.chain(self.stress_tables());
         let tables: Vec<_> = [table].into_iter().chain(more).collect();

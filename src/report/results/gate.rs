@@ -62,9 +62,10 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
     let result = |algorithm: &AlgorithmRecord| {
         let label = &algorithm.label;
         let is_of_prior = limit.relative_to.as_deref() == Some(PRIOR);
-        let own = |label: &str| match limit.checkpoint {
-            Some(_) => summary.measurement(label, limit.metric, limit.checkpoint, area),
-            None => summary.own(label)?.totals.measured(limit.metric, area),
+        let own = |label: &str| match (limit.checkpoint, limit.range) {
+            (Some(_), _) => summary.measurement(label, limit.metric, limit.checkpoint, area),
+            (None, Some(range)) => summary.error_within(label, limit.metric, area, range),
+            (None, None) => summary.own(label)?.totals.measured(limit.metric, area),
         };
         let measured = own(label);
         let cases = measured.map_or_else(Cases::none, |own| own.cases);
@@ -155,11 +156,12 @@ impl GateResult {
         let checkpoint = limit
             .checkpoint
             .map(|number| format!(" at checkpoint {number}"));
+        let range = limit.range.map(|range| format!(" at {range} m"));
         let other = limit.relative_to.as_deref().map(|other| match other {
             PRIOR => " minus the prior's".to_owned(),
             other => format!(" in units of {other}'s"),
         });
-        let extent = [area, checkpoint, other]
+        let extent = [area, checkpoint, range, other]
             .map(Option::unwrap_or_default)
             .concat();
         format!("{algorithm}: {}{extent}", limit.metric.words)
@@ -237,7 +239,7 @@ mod tests {
     use super::super::summary::{ReportTables, ResultParts, Shown};
     use super::*;
     use crate::rows::records::{CellRow, Row};
-    use crate::subjects::accuracy::AccuracyTally;
+    use crate::subjects::accuracy::{AccuracyTally, RunRanges};
     use crate::subjects::speed::tests::row;
     use serde_json::json;
     use svl_core::stereo::{CellRule, CellState};
@@ -278,22 +280,27 @@ mod tests {
 
     /// The result of a limit of those pairs, with as many cells at infinity in as many of them.
     fn gated(near: f64, far: u32, frames: u64, limit: serde_json::Value) -> GateResult {
-        let mut accuracy = AccuracyTally::new(CellRule::default());
+        let mut keys = json!({ "algorithm": "v3" });
+        let more = limit.as_object().unwrap().clone();
+        keys.as_object_mut().unwrap().extend(more);
+        let mut manifest = Manifest::new("s", &["v3".parse().unwrap()]).unwrap();
+        manifest.description = Some(json!({ "gate": [keys] }));
+        let ranges = RunRanges::new(&manifest).unwrap();
+        let mut accuracy = AccuracyTally::new(CellRule::default(), &ranges);
         for sequence in 0..frames {
             accuracy.add(Some(100_000_000 * sequence), &cells(sequence, far));
         }
         let tables = ReportTables {
             rows: pairs(near),
-            accuracy: accuracy.into_rows(&["v3"]),
+            accuracy: {
+                let ranges = ranges.in_order(&accuracy);
+                accuracy.into_rows(&["v3"], &ranges)
+            },
             ..ReportTables::default()
         };
         let results = Results::new(&tables, ResultParts::default(), Shown::default()).unwrap();
-        let mut keys = json!({ "algorithm": "v3" });
-        let more = limit.as_object().unwrap().clone();
-        keys.as_object_mut().unwrap().extend(more);
         let limit: Limit = serde_json::from_value(keys).unwrap();
         limit.validate().unwrap();
-        let manifest = Manifest::new("s", &["v3".parse().unwrap()]).unwrap();
         limit_results(&limit, &results, &manifest).remove(0)
     }
 
@@ -336,6 +343,18 @@ mod tests {
         assert!(found.contains(words), "{found}");
         let bias = state(6, json!({ "metric": "bias", "max_magnitude": 0.1 }));
         assert_eq!(bias.state, GateState::NotMeasured, "{bias}");
+    }
+
+    #[test]
+    fn a_limit_of_a_range_is_that_of_its_cells() {
+        // All cells are at 0.8 m.
+        let limit = |range: &str| json!({ "metric": "rmse", "range": range, "max": 0.25 });
+        let found = gated(1.0, 0, 2, limit("0..0.8"));
+        assert_eq!(found.state, GateState::NotMeasured, "{found}");
+        let found = gated(1.0, 0, 2, limit("0.8..8"));
+        let words = "v3: RMSE of distances at 0.8..8 m 0.000 m over 20 cells, at most 0.250 m";
+        assert_eq!(found.state, GateState::Pass, "{found}");
+        assert!(found.to_string().starts_with(words), "{found}");
     }
 
     #[test]

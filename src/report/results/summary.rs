@@ -23,6 +23,7 @@ use svl_score::judge::{
 };
 use svl_score::losses::Ending;
 use svl_score::manifest::{Manifest, SCHEMA, hash};
+use svl_score::scenario::DistanceRange;
 
 /// The results of a report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -626,9 +627,27 @@ impl Results {
         })
     }
 
+    /// A metric of an algorithm's errors at those true distances.
+    pub(crate) fn error_within(
+        &self,
+        label: &str,
+        metric: &Metric,
+        area: AreaChoice,
+        range: DistanceRange,
+    ) -> Option<Measured> {
+        let MetricOrigin::Cells { number, .. } = metric.origin else {
+            return None;
+        };
+        let mut rows = self.accuracy.iter().filter(|row| !row.is_of_pixels);
+        let is_asked =
+            |row: &&AccuracyRow| row.algorithm == label && row.area == area && row.range() == range;
+        rows.find(is_asked)?.measured(number)
+    }
+
     /// Adds the errors of distances.
     fn add_accuracy(&mut self, rows: &[AccuracyRow]) {
-        for row in rows.iter().filter(|row| row.is_of_all()) {
+        let cells = rows.iter().filter(|row| !row.is_of_pixels);
+        for row in cells.filter(|row| row.is_of_all()) {
             let own = self.algorithms.iter_mut();
             for summary in own.filter(|own| own.algorithm == row.algorithm) {
                 for metric in METRICS {

@@ -6,41 +6,55 @@
 
 use crate::rows::records::{CellRow, record};
 use std::collections::BTreeMap;
+use svl_core::Result;
+use svl_core::doubt::rounded;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
 use svl_score::bootstrap::Sample;
 use svl_score::judge::{AreaChoice, Cases, CellNumber, Measured, Verdict};
+use svl_score::manifest::Manifest;
+use svl_score::pixel_errors::{PixelErrors, narrow_from_m, narrow_range};
+use svl_score::scenario::{DistanceRange, Limit, RangeEnds};
 
 /// Largest change of a cell at rest between successive answers, of its true distance.
 const MAX_MOTION: f64 = 0.01;
 /// Longest time between successive answers, ns: pairs without a time are farther apart.
 const MAX_GAP_NS: u64 = 1_000_000_000;
-/// Nearest bound that doubles, metres, and the last one.
-const BOUNDS_M: (f64, f64) = (1.0, 16.0);
+/// Number of ranges of equal counts.
+const EQUAL_RANGES: u64 = 5;
 
 record! {
     #[derive(Default)]
-    /// Errors of an algorithm's distances by area, then of all cells: of all distances, then by
-    /// range of the true distance. A cell counts if it is scored and has a distance. Unperturbed
-    /// pairs only.
+    /// Errors of an algorithm's distances by area of cells, then of all cells, then of pixels: of
+    /// all distances, then by range of the true distance: the scenario's `ranges`, or five with
+    /// equal counts of true cells, and those of limits. Unperturbed pairs only.
     AccuracyRow {
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
         /// The cells: obstacle (with pixels), floor, beyond, or all.
         area: AreaChoice,
+        /// True if it is of pixels, about 1200 of each pair, in place of cells.
+        is_of_pixels: bool,
         /// Least true distance.
         from_m: f64,
         /// True distances are nearer; absent for the last range and for all.
         to_m: Option<f64>,
-        /// Number of cells with a reported and a true distance.
+        /// Number of cells or pixels with a reported and a true distance.
         cells: u64,
-        /// Number of known cells with a true distance: also those that are reported at infinity.
+        /// Number of known ones with a true distance: also those that are reported at infinity.
         known: u64,
+        /// Number of scored ones with a true distance.
+        scored: u64,
+        /// Fraction of the scored that are known.
+        fill: Option<f64>,
+        /// Fraction of the known that are wrong: cells by their verdict, pixels that are off by more
+        /// than the tolerance of a right cell.
+        wrong: Option<f64>,
         /// Mean of reported minus true distance.
         bias_m: Option<f64>,
         /// Root of the mean squared error.
         rmse_m: Option<f64>,
-        /// Median absolute error, by nearest rank.
+        /// Median absolute error, by nearest rank; of pixels to about a tenth.
         median_error_m: Option<f64>,
         /// Mean of the absolute error over the true distance, a fraction.
         abs_rel: Option<f64>,
@@ -90,11 +104,20 @@ impl AccuracyRow {
     }
 
     /// The range of true distances.
+    pub(crate) fn range(&self) -> DistanceRange {
+        DistanceRange {
+            from_m: self.from_m,
+            to_m: self.to_m,
+        }
+    }
+
+    /// The same in words.
     pub(crate) fn range_words(&self) -> String {
+        let from = rounded(self.from_m);
         match self.to_m {
             None if self.is_of_all() => "all".to_owned(),
-            None => format!("from {}", self.from_m),
-            Some(to_m) => format!("{}–{to_m}", self.from_m),
+            None => format!("from {from}"),
+            Some(to_m) => format!("{from}–{}", rounded(to_m)),
         }
     }
 
@@ -106,23 +129,117 @@ impl AccuracyRow {
 
     /// True for the row of all distances.
     pub(crate) fn is_of_all(&self) -> bool {
-        self.from_m == 0.0 && self.to_m.is_none()
+        self.range() == DistanceRange::ALL
+    }
+
+    /// The row of an algorithm's pixels.
+    fn from_pixels(algorithm: &str, pixels: &PixelErrors, range: DistanceRange) -> Self {
+        let sums = pixels.sums(range);
+        let cells = sums.errors();
+        let mean = |sum: f64| (cells > 0).then(|| sum / cells as f64);
+        Self {
+            algorithm: algorithm.to_owned(),
+            area: AreaChoice::All,
+            is_of_pixels: true,
+            cells,
+            known: sums.known,
+            scored: sums.scored,
+            wrong: share(sums.wrong, sums.known),
+            bias_m: mean(sums.errors_m),
+            rmse_m: mean(sums.squares_m2).map(f64::sqrt),
+            median_error_m: sums.median_m(),
+            abs_rel: mean(sums.relative),
+            ..Self::new(range, sums.scored, sums.known)
+        }
+    }
+
+    fn new(range: DistanceRange, scored: u64, known: u64) -> Self {
+        Self {
+            from_m: range.from_m,
+            to_m: range.to_m,
+            scored,
+            known,
+            fill: share(known, scored),
+            ..Self::default()
+        }
     }
 }
 
-/// The errors of an algorithm in a range, or in a pair.
+fn share(part: u64, whole: u64) -> Option<f64> {
+    (whole > 0).then(|| part as f64 / whole as f64)
+}
+
+/// The ranges by which the errors of a run are told apart.
 #[derive(Default)]
+pub(crate) struct RunRanges {
+    /// Those of the scenario.
+    ends: RangeEnds,
+    /// Those of its limits.
+    limited: Vec<DistanceRange>,
+}
+
+impl RunRanges {
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] for a manifest that is not what svl writes.
+    pub(crate) fn new(manifest: &Manifest) -> Result<Self> {
+        let limits: Vec<Limit> = manifest.part("gate")?.unwrap_or_default();
+        Ok(Self {
+            ends: manifest.part("ranges")?.unwrap_or_default(),
+            limited: limits.iter().filter_map(|limit| limit.range).collect(),
+        })
+    }
+
+    /// The distances at which any of them ends.
+    fn ends_m(&self) -> Vec<f64> {
+        let limited = self.limited.iter().flat_map(|range| range.ends_m());
+        let mut ends_m: Vec<_> = limited.chain(self.ends.metres().iter().copied()).collect();
+        ends_m.sort_by(f64::total_cmp);
+        ends_m.dedup();
+        ends_m
+    }
+
+    /// All distances, then the ranges of the scenario, or else those of equal counts, and those of
+    /// limits.
+    pub(crate) fn in_order(&self, tally: &AccuracyTally) -> Vec<DistanceRange> {
+        let mut ranges = vec![DistanceRange::ALL];
+        if self.ends.is_empty() {
+            ranges.extend(tally.equal_ranges());
+        } else {
+            ranges.extend(between(self.ends.metres()));
+        }
+        for range in &self.limited {
+            if !ranges.contains(range) {
+                ranges.push(*range);
+            }
+        }
+        ranges
+    }
+}
+
+/// The ranges that end at ascending distances, and the one beyond.
+fn between(ends_m: &[f64]) -> Vec<DistanceRange> {
+    let starts = [0.0].into_iter().chain(ends_m.iter().copied());
+    let ends = ends_m.iter().copied().map(Some).chain([None]);
+    let range = |(from_m, to_m)| DistanceRange { from_m, to_m };
+    starts.zip(ends).map(range).collect()
+}
+
+/// The errors of an algorithm in a range, or in a pair.
+#[derive(Clone, Default)]
 pub(crate) struct RangeErrors {
+    /// The last true distance of a cell.
+    true_m: f64,
     /// Reported minus true distances.
     errors_m: Vec<f32>,
     relative: f64,
-    /// Known cells with a true distance.
+    /// Scored cells with a true distance, those of them that are known, and the wrong ones.
+    scored: u64,
     known: u64,
+    wrong: u64,
     resting: u64,
     flickers: u64,
-    /// Stamp of the newest pair with cells at rest, and the number of these pairs.
-    newest_ns: Option<u64>,
-    followers: u64,
+    /// The pairs with cells at rest, by their numbers.
+    followers: Vec<u32>,
     /// Cells at rest that are known in both pairs, those of them with both distances, and their
     /// squared differences of successive errors.
     resting_known: u64,
@@ -141,37 +258,37 @@ struct LastCell {
 /// The errors of all algorithms, while the cells of a run's pairs come in their order.
 pub(crate) struct AccuracyTally {
     rule: CellRule,
-    bounds_m: Vec<f64>,
+    /// Distances that end a range.
+    ends_m: Vec<f64>,
     /// By label.
     algorithms: BTreeMap<String, AlgorithmErrors>,
     /// True in a run whose pairs each show another scene.
     has_separate_pairs: bool,
+    /// Number of pairs so far.
+    pairs: u32,
 }
 
+/// A narrow range: its number, and that of the ends of ranges that are not farther.
+type NarrowRange = (u32, usize);
+
 /// The errors of an algorithm.
+#[derive(Default)]
 struct AlgorithmErrors {
-    /// By [`AreaChoice`] and range, that of all distances first.
-    areas: [Vec<RangeErrors>; AreaChoice::ALL.len()],
+    /// By [`AreaChoice`] and narrow range.
+    areas: [BTreeMap<NarrowRange, RangeErrors>; AreaChoice::ALL.len()],
+    pixels: PixelErrors,
     /// By column and row.
     last: BTreeMap<(u32, u32), LastCell>,
 }
 
 impl AccuracyTally {
-    pub(crate) fn new(rule: CellRule) -> Self {
-        let (near_m, _) = rule.obstacle_and_clear_m();
-        let (mut next, end) = BOUNDS_M;
-        let mut bounds_m = vec![near_m];
-        while next <= end {
-            if next > near_m {
-                bounds_m.push(next);
-            }
-            next *= 2.0;
-        }
+    pub(crate) fn new(rule: CellRule, ranges: &RunRanges) -> Self {
         Self {
             rule,
-            bounds_m,
+            ends_m: ranges.ends_m(),
             algorithms: BTreeMap::new(),
             has_separate_pairs: false,
+            pairs: 0,
         }
     }
 
@@ -184,6 +301,7 @@ impl AccuracyTally {
 
     /// Adds the cells of a pair. `stamp_ns`: none of a scene, which follows no other in time.
     pub(crate) fn add(&mut self, stamp_ns: Option<u64>, cells: &[CellRow]) {
+        self.pairs += 1;
         let stamp_ns = stamp_ns.filter(|_| !self.has_separate_pairs);
         for cell in cells.iter().filter(|cell| cell.stress.is_none()) {
             let is_scored = cell.verdict != Verdict::NoTruth;
@@ -195,10 +313,11 @@ impl AccuracyTally {
                 .state
                 .map_or(is_answer, |state| state == CellState::Known);
             let reported_m = cell.distance_m.filter(|_| is_known);
-            let range = 1 + self.bounds_m.partition_point(|bound| *bound <= true_m);
+            let ends = self.ends_m.partition_point(|end_m| *end_m <= true_m);
+            let range = (narrow_range(true_m), ends);
             // Not by `entry`, which needs a label of its own for each cell.
             if !self.algorithms.contains_key(&cell.algorithm) {
-                let new = AlgorithmErrors::new(2 + self.bounds_m.len());
+                let new = AlgorithmErrors::default();
                 self.algorithms.insert(cell.algorithm.clone(), new);
             }
             let Some(own) = self.algorithms.get_mut(&cell.algorithm) else {
@@ -216,15 +335,18 @@ impl AccuracyTally {
             let areas = AreaChoice::ALL
                 .into_iter()
                 .filter(|area| area.has(cell.area));
-            for (area, i) in areas.flat_map(|area| [(area, 0), (area, range)]) {
-                let errors = &mut own.areas[area as usize][i];
+            for area in areas {
+                let errors = own.areas[area as usize].entry(range).or_default();
+                errors.true_m = true_m;
+                errors.scored += 1;
                 errors.known += u64::from(is_known);
+                errors.wrong += u64::from(cell.verdict == Verdict::Wrong);
                 if let Some(reported_m) = reported_m {
                     errors.errors_m.push((reported_m - true_m) as f32);
                     errors.relative += (reported_m - true_m).abs() / true_m;
                 }
                 if let Some(before) = before {
-                    errors.add_change(&self.rule, before, &now);
+                    errors.add_change(&self.rule, before, &now, self.pairs);
                 }
             }
             own.last.insert((cell.column, cell.row), now);
@@ -238,39 +360,71 @@ impl AccuracyTally {
         let label = cells.first().map(|cell| cell.algorithm.as_str());
         let own = label.and_then(|label| self.algorithms.get_mut(label));
         own.map_or_else(PairErrors::default, |own| {
-            AreaChoice::ALL.map(|area| std::mem::take(&mut own.areas[area as usize][0]))
+            own.areas.each_mut().map(|area| {
+                let own = std::mem::take(area);
+                RangeErrors::merged(own.values())
+            })
         })
     }
 
+    /// Adds the pixels of some pairs of an algorithm.
+    pub(crate) fn add_pixels(&mut self, label: &str, pixels: &PixelErrors) {
+        let own = self.algorithms.entry(label.to_owned()).or_default();
+        own.pixels.merge(pixels);
+    }
+
+    /// Ranges with about as many scored cells of true distances each, over all algorithms: of the
+    /// headline's area, if there are any, else of all.
+    fn equal_ranges(&self) -> Vec<DistanceRange> {
+        let counts_in = |area: AreaChoice| {
+            let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
+            let own = self.algorithms.values();
+            for ((range, _), errors) in own.flat_map(|own| &own.areas[area as usize]) {
+                *counts.entry(*range).or_default() += errors.scored;
+            }
+            counts
+        };
+        let areas = [AreaChoice::default(), AreaChoice::All].map(counts_in);
+        let counts = areas.into_iter().find(|counts| !counts.is_empty());
+        let counts = counts.unwrap_or_default();
+        let all: u64 = counts.values().sum();
+        let (mut ends_m, mut seen) = (Vec::new(), 0);
+        for (range, count) in counts {
+            // It begins a new range where the one before has its share.
+            if seen * EQUAL_RANGES >= all * (ends_m.len() as u64 + 1) {
+                ends_m.push(narrow_from_m(range));
+            }
+            seen += count;
+        }
+        between(&ends_m)
+    }
+
     /// Per algorithm, in the order of the labels, and per area the errors of all distances and of
-    /// each range that has any.
-    pub(crate) fn into_rows(mut self, labels: &[&str]) -> Vec<AccuracyRow> {
+    /// each range that has any; then those of its pixels.
+    pub(crate) fn into_rows(
+        mut self,
+        labels: &[&str],
+        ranges: &[DistanceRange],
+    ) -> Vec<AccuracyRow> {
         let mut rows = Vec::new();
         for label in labels {
             let Some(all) = self.algorithms.remove(*label) else {
                 continue;
             };
-            let bounds = || self.bounds_m.iter().copied();
-            let starts = [0.0, 0.0].into_iter().chain(bounds());
-            let ends = [None].into_iter().chain(bounds().map(Some)).chain([None]);
-            let ranges: Vec<_> = starts.zip(ends).collect();
             for (area, own) in AreaChoice::ALL.into_iter().zip(all.areas) {
-                let own = own.into_iter().zip(&ranges);
-                let own = own.filter(|(errors, _)| !errors.is_empty());
-                rows.extend(own.map(|(errors, range)| errors.into_row(label, area, *range)));
+                for range in ranges {
+                    let inside = own.values().filter(|errors| range.has(errors.true_m));
+                    let errors = RangeErrors::merged(inside);
+                    if errors.scored > 0 {
+                        rows.push(errors.into_row(label, area, *range));
+                    }
+                }
             }
+            let pixels = ranges.iter();
+            let pixels = pixels.map(|range| AccuracyRow::from_pixels(label, &all.pixels, *range));
+            rows.extend(pixels.filter(|row| row.scored > 0));
         }
         rows
-    }
-}
-
-impl AlgorithmErrors {
-    fn new(ranges: usize) -> Self {
-        let own = |_| (0..ranges).map(|_| RangeErrors::default());
-        Self {
-            areas: AreaChoice::ALL.map(|area| own(area).collect()),
-            last: BTreeMap::new(),
-        }
     }
 }
 
@@ -278,19 +432,37 @@ impl AlgorithmErrors {
 pub(crate) type PairErrors = [RangeErrors; AreaChoice::ALL.len()];
 
 impl RangeErrors {
-    fn is_empty(&self) -> bool {
-        self.resting == 0 && self.known == 0
+    /// The sums of several.
+    fn merged<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
+        let mut all = Self::default();
+        for own in parts {
+            all.errors_m.extend(&own.errors_m);
+            all.followers.extend(&own.followers);
+            all.relative += own.relative;
+            all.scored += own.scored;
+            all.known += own.known;
+            all.wrong += own.wrong;
+            all.resting += own.resting;
+            all.flickers += own.flickers;
+            all.resting_known += own.resting_known;
+            all.resting_cells += own.resting_cells;
+            all.squares += own.squares;
+        }
+        all.followers.sort_unstable();
+        all.followers.dedup();
+        all
     }
 
     /// Adds a cell of two successive answers, if it is at rest.
-    fn add_change(&mut self, rule: &CellRule, before: &LastCell, now: &LastCell) {
+    /// `pair`: its number.
+    fn add_change(&mut self, rule: &CellRule, before: &LastCell, now: &LastCell, pair: u32) {
         let true_m = now.true_m;
         if (true_m - before.true_m).abs() > MAX_MOTION * before.true_m {
             return;
         }
         self.resting += 1;
-        if self.newest_ns.replace(now.stamp_ns) != Some(now.stamp_ns) {
-            self.followers += 1;
+        if self.followers.last() != Some(&pair) {
+            self.followers.push(pair);
         }
         self.resting_known += u64::from(before.is_known && now.is_known);
         match (before.reported_m, now.reported_m) {
@@ -308,19 +480,8 @@ impl RangeErrors {
 
     /// The row of the cells of an area in pairs.
     pub(crate) fn row_of(pairs: &[PairErrors], area: AreaChoice) -> AccuracyRow {
-        let mut all = Self::default();
-        for own in pairs.iter().map(|own| &own[area as usize]) {
-            all.errors_m.extend(&own.errors_m);
-            all.relative += own.relative;
-            all.known += own.known;
-            all.resting += own.resting;
-            all.flickers += own.flickers;
-            all.followers += own.followers;
-            all.resting_known += own.resting_known;
-            all.resting_cells += own.resting_cells;
-            all.squares += own.squares;
-        }
-        all.into_row("", area, (0.0, None))
+        let own = pairs.iter().map(|own| &own[area as usize]);
+        Self::merged(own).into_row("", area, DistanceRange::ALL)
     }
 
     /// The values of a metric in the cells of an area in pairs, as [`RangeErrors::into_row`] has it
@@ -360,12 +521,7 @@ impl RangeErrors {
         }
     }
 
-    fn into_row(
-        mut self,
-        label: &str,
-        area: AreaChoice,
-        (from_m, to_m): (f64, Option<f64>),
-    ) -> AccuracyRow {
+    fn into_row(mut self, label: &str, area: AreaChoice, range: DistanceRange) -> AccuracyRow {
         let cells = self.errors_m.len() as u64;
         let mean = |sum: f64| (cells > 0).then(|| sum / cells as f64);
         let errors = || self.errors_m.iter().copied().map(f64::from);
@@ -375,25 +531,25 @@ impl RangeErrors {
             .iter_mut()
             .for_each(|error| *error = error.abs());
         self.errors_m.sort_by(f32::total_cmp);
+        let frames = self.followers.len() as u64;
         AccuracyRow {
             algorithm: label.to_owned(),
             area,
-            from_m,
-            to_m,
             cells,
-            known: self.known,
+            wrong: share(self.wrong, self.known),
             bias_m,
             rmse_m: square.map(f64::sqrt),
             median_error_m: nearest_rank(&self.errors_m, 0.5).map(f64::from),
             abs_rel,
             resting: self.resting,
-            frames: self.followers + u64::from(self.followers > 0),
+            frames: frames + u64::from(frames > 0),
             resting_known: self.resting_known,
             resting_cells: self.resting_cells,
             noise_m: (self.resting_cells > 0)
                 .then(|| (self.squares / (2.0 * self.resting_cells as f64)).sqrt()),
             flicker: (self.resting > 0 && cells > 0)
                 .then(|| self.flickers as f64 / self.resting as f64),
+            ..AccuracyRow::new(range, self.scored, self.known)
         }
     }
 }
@@ -402,22 +558,70 @@ impl RangeErrors {
 mod tests {
     use super::*;
 
-    #[test]
-    fn photographs_have_no_noise() {
-        let cell = CellRow {
+    fn cell(true_m: f64) -> CellRow {
+        CellRow {
             algorithm: "v3".into(),
             verdict: Verdict::Right,
-            distance_m: Some(1.0),
-            true_distance_m: Some(1.0),
+            distance_m: Some(true_m),
+            true_distance_m: Some(true_m),
             state: Some(CellState::Known),
             ..CellRow::default()
+        }
+    }
+
+    #[test]
+    fn ranges_have_equal_counts_or_the_ends_that_are_asked_for() {
+        // Of which the nearest is unknown, and the farthest wrong by 1 m.
+        let mut cells: Vec<_> = (0..100).map(|i| cell(1.0 + f64::from(i) / 10.0)).collect();
+        (cells[0].verdict, cells[0].distance_m) = (Verdict::Unknown, None);
+        cells[0].state = Some(CellState::Unknown);
+        (cells[99].verdict, cells[99].distance_m) = (Verdict::Wrong, Some(11.9));
+        let rows = |ranges: &RunRanges| {
+            let mut tally = AccuracyTally::new(CellRule::default(), ranges);
+            tally.add(Some(0), &cells);
+            let ranges = ranges.in_order(&tally);
+            tally.into_rows(&["v3"], &ranges)
         };
+        let equal = rows(&RunRanges::default());
+        let scored: Vec<_> = equal.iter().map(|row| row.scored).collect();
+        assert_eq!(scored[0], 100);
+        assert_eq!(scored[1..].iter().sum::<u64>(), 100);
+        assert!(scored.len() == 6 && scored[1..].iter().all(|n| (17..=23).contains(n)));
+        assert_eq!(
+            (equal[1].fill, equal[1].wrong),
+            (Some(20.0 / 21.0), Some(0.0))
+        );
+        assert_eq!(
+            (equal[5].known, equal[5].wrong),
+            (scored[5], Some(1.0 / scored[5] as f64))
+        );
+        // A cell at the end of a range is in the next one, wherever the narrow ranges end.
+        let asked = RunRanges {
+            ends: "1.7,5".parse().unwrap(),
+            limited: vec!["0..5".parse().unwrap(), "1.7..5".parse().unwrap()],
+        };
+        let counts = rows(&asked)
+            .into_iter()
+            .map(|row| (row.range_words(), row.scored));
+        let words = ["all", "0–1.7", "1.7–5", "from 5", "0–5"].map(str::to_owned);
+        assert_eq!(
+            counts.collect::<Vec<_>>(),
+            words
+                .into_iter()
+                .zip([100, 7, 33, 60, 40])
+                .collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn photographs_have_no_noise() {
+        let cell = cell(1.0);
         let resting = |stamps: [Option<u64>; 2]| {
-            let mut tally = AccuracyTally::new(CellRule::default());
+            let mut tally = AccuracyTally::new(CellRule::default(), &RunRanges::default());
             for stamp_ns in stamps {
                 tally.add(stamp_ns, std::slice::from_ref(&cell));
             }
-            let row = tally.into_rows(&["v3"]).remove(0);
+            let row = tally.into_rows(&["v3"], &[DistanceRange::ALL]).remove(0);
             (row.frames, row.resting_cells, row.noise_m, row.flicker)
         };
         assert_eq!(resting([Some(0), Some(9)]), (2, 1, Some(0.0), Some(0.0)));

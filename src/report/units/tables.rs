@@ -9,7 +9,7 @@ use crate::results::table_writer::{TableWriter, write_table};
 use crate::rows::csv_rows::read_rows;
 use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::rows::samples::time_ns;
-use crate::subjects::accuracy::AccuracyTally;
+use crate::subjects::accuracy::{AccuracyTally, RunRanges};
 use crate::subjects::agreed::ScoreRule;
 use crate::subjects::checkpoints::CheckpointTallies;
 use crate::subjects::references::ReferenceTally;
@@ -22,8 +22,8 @@ use svl_score::manifest::hash;
 /// Digest of all that the tables are made of.
 pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {
     let description = plan.manifest.description.as_ref();
-    let rule =
-        ["grid", "cells", "checkpoint"].map(|key| description.and_then(|value| value.get(key)));
+    let rule = ["grid", "cells", "checkpoint", "ranges", "gate"]
+        .map(|key| description.and_then(|value| value.get(key)));
     let mut text = format!("{} {:?} {rule:?}", plan.manifest.scenario, plan.labels());
     for run in runs {
         text += &format!("\n{:?} {}", run.run, run.facts.inputs());
@@ -120,7 +120,8 @@ pub fn collect_tables(
 ) -> Result<ReportTables> {
     let mut tables = ReportTables::default();
     let rule = ScoreRule::new(&plan.manifest)?;
-    let mut accuracy = AccuracyTally::new(rule.cells);
+    let ranges = RunRanges::new(&plan.manifest)?;
+    let mut accuracy = AccuracyTally::new(rule.cells, &ranges);
     let mut reliability = ReliabilityTallies::default();
     let mut references = ReferenceTally::default();
     let scenario = &plan.manifest.scenario;
@@ -183,6 +184,9 @@ pub fn collect_tables(
             }
         }
         let key = &run.run;
+        for unit in run.all().filter(|_| key.stress.is_none() && has_cells) {
+            accuracy.add_pixels(&unit.label, &unit.pixel_errors);
+        }
         let rows = tallies.into_rows().into_iter();
         tables.checkpoints.extend(rows.map(|row| CheckpointRow {
             scenario: scenario.clone(),
@@ -192,7 +196,8 @@ pub fn collect_tables(
             ..row
         }));
     }
-    tables.accuracy = accuracy.into_rows(&plan.labels());
+    let ranges = ranges.in_order(&accuracy);
+    tables.accuracy = accuracy.into_rows(&plan.labels(), &ranges);
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.references = references.into_rows(rule.cells);
     Ok(tables)

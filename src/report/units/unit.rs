@@ -16,6 +16,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_score::manifest::{hash, hash_bytes};
+use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::MeasuredScales;
 
 /// What a unit has besides its tables.
@@ -36,6 +37,9 @@ pub struct UnitHeader {
     /// The factor between the truth and the algorithm, if there are enough pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<MeasuredScales>,
+    /// The errors of distances of pixels; none of a perturbed run.
+    #[serde(default, skip_serializing_if = "PixelErrors::is_empty")]
+    pub pixel_errors: PixelErrors,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drive: Option<DriveFacts>,
     /// The tables and the pictures that it has, with their lengths in bytes, once it is written.
@@ -52,7 +56,7 @@ pub struct DriveFacts {
 const PICTURES: &str = "pictures";
 
 /// The form of the files; a change of [`BlockPictures`] or of a header changes it.
-const FORM: &str = "units with checksums, pictures with truth and errors";
+const FORM: &str = "units with checksums and errors of pixels, pictures with truth";
 
 /// The text of a table, once it has a row.
 type TableText = Option<csv::Writer<Vec<u8>>>;

@@ -67,6 +67,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     // By their parameters, in `algorithms`, which contain the weights of filters.
     ("description.algorithms", NONE),
     ("description.columns", NONE),
+    ("description.ranges", NONE),
     ("description.filter", NONE),
     // Limits are checked against the numbers afterwards.
     ("description.gate", NONE),

@@ -4,7 +4,7 @@ use super::source::algorithm_of;
 use super::stress::StressTable;
 use super::toml_error::line;
 use super::{
-    DriveConfig, InputFiles, Limit, MAX_GRID, Scenario, ScenarioFilter, ScenarioKind,
+    DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter, ScenarioKind,
     ScenarioSource, SourceOptions, distinct_kinds,
 };
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice};
@@ -28,6 +28,8 @@ pub(super) struct File {
     pub(super) algorithms: Vec<String>,
     #[serde(default, skip_serializing_if = "is_headline")]
     pub(super) columns: ColumnChoice,
+    #[serde(default, skip_serializing_if = "RangeEnds::is_empty")]
+    pub(super) ranges: RangeEnds,
     #[serde(default)]
     pub(super) grid: GridSettings,
     #[serde(default)]
@@ -140,6 +142,7 @@ impl File {
             options,
             checkpoints: self.checkpoint,
             columns: self.columns,
+            ranges: self.ranges,
             filters,
             stress,
             gate,

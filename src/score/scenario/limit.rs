@@ -1,5 +1,6 @@
 //! A limit of a run's metrics: an entry of `[[gate]]`.
 
+use super::DistanceRange;
 use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit, Minimum};
 use serde::{Deserialize, Deserializer, Serialize};
 use svl_core::{Error, Result, joined};
@@ -19,6 +20,9 @@ pub struct Limit {
     pub checkpoint: Option<u32>,
     /// The cells that a metric of scored cells is of, in place of the headline's.
     pub area: Option<AreaChoice>,
+    /// The true distances that an error of distances is of, in place of all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<DistanceRange>,
     /// The algorithm whose median time is the unit; or [`PRIOR`], whose value is subtracted.
     pub relative_to: Option<String>,
     /// Lower limit; fractions are 0..=1.
@@ -181,6 +185,9 @@ impl Limit {
             &format!("relative_to = \"prior\" belongs to {own}")
         } else if self.area.is_some() && !metric.by_area {
             &format!("area belongs to {}", names(|metric| metric.by_area))
+        } else if self.range.is_some() && !matches!(metric.origin, MetricOrigin::Cells { .. }) {
+            let is_error = |metric: &Metric| matches!(metric.origin, MetricOrigin::Cells { .. });
+            &format!("range belongs to {}", names(is_error))
         } else if self.checkpoint.is_some() && !matches!(metric.origin, MetricOrigin::Checkpoints) {
             "checkpoint belongs to metric = \"passed\""
         } else {

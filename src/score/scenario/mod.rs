@@ -6,6 +6,7 @@ mod filter;
 mod latency;
 mod limit;
 mod pairs;
+mod ranges;
 mod recordings;
 mod seeds;
 mod source;
@@ -20,6 +21,7 @@ pub use filter::ScenarioFilter;
 pub use latency::DriveLatency;
 pub use limit::{EXACT, Limit, PRIOR};
 pub use pairs::{CropScale, PairRange};
+pub use ranges::{DistanceRange, RangeEnds};
 pub use recordings::{InputFile, InputFiles};
 pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
@@ -57,6 +59,8 @@ pub struct Scenario {
     pub checkpoints: Vec<Checkpoint>,
     /// Metrics that tables show.
     pub columns: ColumnChoice,
+    /// The distances at which the ranges of errors end.
+    pub ranges: RangeEnds,
     /// Filters with which the algorithms are also run; at most one of a kind.
     pub filters: Vec<ScenarioFilter>,
     /// Perturbations of the pairs, scored in addition to the original ones; each kind once.
@@ -153,6 +157,7 @@ impl Scenario {
             options,
             checkpoints: Vec::new(),
             columns: ColumnChoice::Headline,
+            ranges: RangeEnds::default(),
             filters: Vec::new(),
             stress: Vec::new(),
             gate: Vec::new(),

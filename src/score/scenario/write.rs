@@ -91,6 +91,7 @@ impl Scenario {
             description: self.description.clone(),
             algorithms: algorithms.collect(),
             columns: self.columns.clone(),
+            ranges: self.ranges.clone(),
             grid: self.grid,
             cells: self.cells,
             source: self.source_options(replaced, &rewritten)?,

@@ -19,7 +19,7 @@ use svl::evaluation::{
 };
 use svl::outputs::{Outputs, write};
 use svl::report::{BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit};
-use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
+use svl::scenario::{RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
 
@@ -146,6 +146,17 @@ pub(crate) struct Args {
     /// `svl columns metrics` lists them [default: the scenario's, or those of its kind].
     #[arg(long, value_name = "NAMES", help_heading = "Output")]
     columns: Option<ColumnChoice>,
+    /// Distances in metres at which the ranges of errors end, as 2,4,8,16
+    ///
+    /// For the errors against distance [default: the scenario's, or five ranges with equal numbers
+    /// of cells].
+    #[arg(
+        long,
+        value_name = "M,…",
+        help_heading = "Output",
+        hide_short_help = true
+    )]
+    ranges: Option<RangeEnds>,
     /// Explain the columns
     #[arg(long, help_heading = "Output")]
     explain: bool,

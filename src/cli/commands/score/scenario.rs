@@ -40,6 +40,9 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     if let Some(columns) = &args.columns {
         scenario.columns = columns.clone();
     }
+    if let Some(ranges) = &args.ranges {
+        scenario.ranges = ranges.clone();
+    }
     let filters = args.filters.scenario_filters()?;
     if !filters.is_empty() {
         scenario.filters = filters;

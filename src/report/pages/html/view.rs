@@ -16,6 +16,7 @@ use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
 use svl_files::overlay::REFERENCE_COLOR;
 use svl_score::judge::ColumnChoice;
+use svl_score::manifest::AlgorithmRecord;
 use svl_score::notice::grouped;
 
 pub(crate) fn view(page: &ReportPage) -> Value {
@@ -61,7 +62,8 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         overview => overview(page, &headline), legend => summary.legend(),
         headline, heat, metrics => summary.all_metrics(),
         checkpoints => summary.checkpoint_table(), speed => summary.speed_table(),
-        accuracy => summary.accuracy_table(), accuracy_plot => accuracy(page, &colors),
+        accuracy => summary.accuracy_tables(), accuracy_plot => accuracy(page, &colors),
+        is_of_depth => is_of_depth(page),
         reliability => reliability(page, &colors),
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
         drives => summary.drive_table(), cases => page.cases,
@@ -161,6 +163,12 @@ fn worst(page: &ReportPage) -> BTreeMap<&str, Vec<(usize, String)>> {
 fn has_choice(figure: &CheckpointFigure) -> bool {
     let mut shots = figure.shots.windows(2);
     shots.any(|two| two[0].1.row.algorithm != two[1].1.row.algorithm)
+}
+
+/// True for a report of a camera: an algorithm is depth that was recorded.
+fn is_of_depth(page: &ReportPage) -> bool {
+    let mut records = page.manifest.algorithms.iter();
+    records.any(AlgorithmRecord::is_recorded)
 }
 
 /// The id of the checkpoint that the first algorithm with pictures fails most, or of its worst
