@@ -139,3 +139,64 @@ impl PixelSums {
         Some((edge_m(*size) + edge_m(size + 1)) / 2.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::depth::{self, GridSettings};
+    use svl_core::stereo::{DisparityMap, Geometry, Rig, StereoPair, Truth};
+
+    #[test]
+    fn sums_are_those_of_the_pixels_of_a_range() {
+        // 40 m·px, 1200 pixels: from 1 m on in steps of 1 cm; every fifth is unknown, every
+        // seventh of the others 20 cm too far and so wrong up to 1 m.
+        let rig = Rig::new(400.0, (20.0, 15.0), 0.1, 0.0).unwrap();
+        let true_m = |i: usize| 1.0 + i as f64 / 100.0;
+        let reported_m = |i: usize| match (i % 5, i % 7) {
+            (0, _) => None,
+            (_, 0) => Some(true_m(i) * 1.3),
+            _ => Some(true_m(i)),
+        };
+        let mut map = DisparityMap::new(40, 30).unwrap();
+        for (y, mut row) in map.rows_mut().enumerate() {
+            for x in 0..40 {
+                if let Some(m) = reported_m(y * 40 + x) {
+                    row.accept(x, (40.0 / m) as f32);
+                }
+            }
+        }
+        let truth = Plane::from_fn(40, 30, |x, y| (40.0 / true_m(y * 40 + x)) as f32).unwrap();
+        let image = Plane::filled(40, 30, 0).unwrap();
+        let pair = StereoPair::new(image.clone(), image).unwrap();
+        let mut frame = Frame::new(pair, Geometry::Rectified(Some(rig)));
+        frame.truth = Some(Truth::exact(truth, None));
+        let mut errors = PixelErrors::default();
+        let estimate = Estimate {
+            algorithm: String::new(),
+            grid: depth::grid(map.disparity(), GridSettings::default(), Some(&rig)),
+            disparity: map,
+            own_grid: false,
+            unfiltered: None,
+            range_px: None,
+            times: None,
+        };
+        errors.add(&frame, &estimate, &CellRule::default());
+        // 2 and 8 are ends of narrow ranges.
+        let range: DistanceRange = "2..8".parse().unwrap();
+        let sums = errors.sums(range);
+        let inside = || (0..1200).filter(|i| range.has(true_m(*i)));
+        let known = inside().filter(|i| i % 5 > 0).count() as u64;
+        let wrong: Vec<_> = inside().filter(|i| i % 5 > 0 && i % 7 == 0).collect();
+        assert_eq!((sums.scored, sums.known), (600, known));
+        assert_eq!((sums.errors(), sums.wrong), (known, wrong.len() as u64));
+        let bias: f64 = wrong.iter().map(|i| 0.3 * true_m(*i)).sum();
+        assert!((sums.errors_m - bias).abs() < 1e-3 * bias);
+        let squares: f64 = wrong.iter().map(|i| (0.3 * true_m(*i)).powi(2)).sum();
+        assert!((sums.squares_m2 - squares).abs() < 1e-3 * squares);
+        assert!(sums.median_m().unwrap() < 1e-3);
+        // Nothing is lost between ranges, and the sums of two halves are those of the whole.
+        let mut twice = errors.clone();
+        twice.merge(&errors);
+        assert_eq!(twice.sums(DistanceRange::ALL).scored, 2400);
+    }
+}

@@ -324,36 +324,38 @@ fn bash(folder: &Path, line: &str) -> Output {
     command.output().unwrap()
 }
 
-fn inputs() -> Fixture {
-    let fixture = Fixture::new();
+/// Writes what the documents name into `inputs`.
+fn write_inputs(fixture: &Fixture) {
     for entry in fs::read_dir(root().join("scenarios")).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_str().unwrap();
-        fixture.write(&format!("scenarios/{name}"), fs::read(&path).unwrap());
+        fixture.write(
+            &format!("inputs/scenarios/{name}"),
+            fs::read(&path).unwrap(),
+        );
     }
-    fixture.write_short_arena("scenarios/arena.toml", 2);
-    fixture.write("calib.txt", CALIBRATION);
-    fixture.write("mask0nocc.png", pgm(320, 240, &[255; 320 * 240]));
+    fixture.write_short_arena("inputs/scenarios/arena.toml", 2);
+    fixture.write("inputs/calib.txt", CALIBRATION);
+    fixture.write("inputs/mask0nocc.png", pgm(320, 240, &[255; 320 * 240]));
     let arena = Arena::new(&ArenaConfig::default(), 1).unwrap();
     for side in ["left", "right"] {
-        fs::create_dir_all(fixture.path(&format!("pictures/{side}"))).unwrap();
+        fs::create_dir_all(fixture.path(&format!("inputs/pictures/{side}"))).unwrap();
     }
     for i in 0..2 {
         let pair = arena.frame(60 * i).unwrap().pair;
         for (side, image) in [("left", pair.left()), ("right", pair.right())] {
-            let file = fixture.path(&format!("pictures/{side}/{i}.png"));
+            let file = fixture.path(&format!("inputs/pictures/{side}/{i}.png"));
             let pixels = image.pixels().collect::<Vec<_>>();
             write_png(&file, image.width(), image.height(), &pixels).unwrap();
-            fs::copy(file, fixture.path(&format!("{side}.png"))).unwrap();
+            fs::copy(file, fixture.path(&format!("inputs/{side}.png"))).unwrap();
         }
     }
-    let made = bash(&fixture.path(""), INPUTS);
+    let made = bash(&fixture.path("inputs"), INPUTS);
     assert!(
         made.status.success(),
         "{}",
         String::from_utf8_lossy(&made.stderr)
     );
-    fixture
 }
 
 /// Output of a line that was run, or its failure.
@@ -443,68 +445,33 @@ fn failures(document: &Path, folder: &Path) -> Vec<String> {
 }
 
 #[cfg(unix)]
-#[test]
-fn shell_examples_of_the_tutorials_run() {
-    shell_examples_run("docs/tutorials");
+parts! {
+    // Shell examples of all documents run, each document in a folder of its own.
+    |part| shell_examples_run(part, 8);
+    shell_examples_1 = 0, shell_examples_2 = 1, shell_examples_3 = 2, shell_examples_4 = 3,
+    shell_examples_5 = 4, shell_examples_6 = 5, shell_examples_7 = 6, shell_examples_8 = 7,
 }
 
-#[cfg(unix)]
-#[test]
-fn shell_examples_of_the_pages_run() {
-    shell_examples_run("docs");
-}
-
-#[cfg(unix)]
-#[test]
-fn other_shell_examples_run() {
-    shell_examples_run("");
-}
-
-/// Runs the examples of the documents in this folder, or of those in no such folder, each document
-/// in a folder of its own.
-fn shell_examples_run(part: &str) {
-    let inputs = inputs();
-    let check = |document: &PathBuf| {
+/// Runs the examples of every so many documents, from the one at `part` on.
+fn shell_examples_run(part: usize, parts: usize) {
+    let mut failed = Vec::new();
+    for document in documents().iter().skip(part).step_by(parts) {
+        let text = fs::read_to_string(document).unwrap();
+        if shell(&text).is_empty() {
+            continue;
+        }
         let folder = Fixture::new();
-        let (from, to) = (inputs.path(""), folder.path(""));
-        let copied = Command::new("cp")
-            .arg("-r")
-            .arg(from.join("."))
-            .arg(&to)
-            .status();
-        assert!(copied.unwrap().success());
+        folder.write_made("inputs", "inputs of documents", write_inputs);
+        let to = folder.path("inputs");
         if let Some(data) = datasets() {
             let data = data.canonicalize().unwrap();
             std::os::unix::fs::symlink(data, to.join("DATASETS")).unwrap();
         }
         let name = name(document);
-        failures(document, &to)
-            .into_iter()
-            .map(|failure| format!("{name}: {failure}"))
-            .collect::<Vec<_>>()
-    };
-    let mut documents = documents();
-    documents.retain(|document| {
-        let name = name(document);
-        let folder = name.rsplit_once('/').map_or("", |(folder, _)| folder);
-        let has_part = ["docs", "docs/tutorials"].contains(&folder);
-        if part.is_empty() {
-            !has_part
-        } else {
-            folder == part
-        }
-    });
-    let failures = std::thread::scope(|scope| {
-        let checks = documents
-            .iter()
-            .map(|document| scope.spawn(|| check(document)));
-        let checks = checks.collect::<Vec<_>>();
-        checks
-            .into_iter()
-            .flat_map(|check| check.join().unwrap())
-            .collect::<Vec<_>>()
-    });
-    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+        let own = failures(document, &to).into_iter();
+        failed.extend(own.map(|failure| format!("{name}: {failure}")));
+    }
+    assert!(failed.is_empty(), "\n{}", failed.join("\n"));
 }
 
 #[test]

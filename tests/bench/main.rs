@@ -2,6 +2,17 @@
 //!
 //! One area alone: `cargo test --release --test bench recording::`.
 
+/// Declares a test per part of a check that takes long as one, so that the parts run side by side.
+macro_rules! parts {
+    (|$part:ident| $check:expr; $($name:ident = $number:literal,)*) => {$(
+        #[test]
+        fn $name() {
+            let $part: usize = $number;
+            $check;
+        }
+    )*};
+}
+
 mod action;
 mod arena;
 mod cli;

@@ -352,7 +352,8 @@ mod tests {
         let found = gated(1.0, 0, 2, limit("0..0.8"));
         assert_eq!(found.state, GateState::NotMeasured, "{found}");
         let found = gated(1.0, 0, 2, limit("0.8..8"));
-        let words = "v3: RMSE of distances at 0.8..8 m 0.000 m over 20 cells, at most 0.250 m";
+        let words = "v3: RMSE of distances at 0.8..8 m 0.000 m over 20 known cells with a finite \
+                     truth, at most 0.250 m";
         assert_eq!(found.state, GateState::Pass, "{found}");
         assert!(found.to_string().starts_with(words), "{found}");
     }

@@ -587,10 +587,7 @@ mod tests {
         assert_eq!(scored[0], 100);
         assert_eq!(scored[1..].iter().sum::<u64>(), 100);
         assert!(scored.len() == 6 && scored[1..].iter().all(|n| (17..=23).contains(n)));
-        assert_eq!(
-            (equal[1].fill, equal[1].wrong),
-            (Some(20.0 / 21.0), Some(0.0))
-        );
+        assert_eq!((equal[1].fill, equal[1].wrong), (Some(0.95), Some(0.0)));
         assert_eq!(
             (equal[5].known, equal[5].wrong),
             (scored[5], Some(1.0 / scored[5] as f64))

@@ -162,38 +162,48 @@ fn a_killed_recording_leaves_the_earlier_one_and_a_part_that_recovers() {
     fixture.run("recover b.mcap -o c.mcap");
 }
 
+/// A killed command leaves the earlier or the whole file.
+fn kills(fixture: &Fixture, line: &str, file: &str) {
+    let ran = fixture.svl(line);
+    assert!(fixture.path(file).exists(), "{line}: {}", ran.stderr);
+    let length = fixture.bytes(file).len();
+    for ms in [5, 40, 120, 300, 700] {
+        let began = Instant::now();
+        killed(fixture, line, || began.elapsed().as_millis() > ms);
+        // Times differ from run to run, by some digits.
+        let now = fixture.bytes(file).len();
+        assert!(
+            now.abs_diff(length) < length / 10,
+            "{line}: {length}, {now}"
+        );
+    }
+}
+
 #[test]
-fn a_killed_command_leaves_the_earlier_or_the_whole_file() {
+fn a_killed_replay_leaves_the_earlier_or_the_whole_file() {
+    let fixture = Fixture::new();
+    fixture.record("in.mcap", "--frames 3");
+    kills(
+        &fixture,
+        "replay in.mcap -q --algo bm --rows r.csv --force",
+        "r.csv",
+    );
+}
+
+#[test]
+fn a_killed_score_or_report_leaves_the_earlier_or_the_whole_file() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 4);
-    fixture.run("record -q --frames 3 -o in.mcap");
-    let lines = [
-        ("replay in.mcap -q --algo bm --rows r.csv --force", "r.csv"),
-        (
-            "score short.toml -q --algo bm --force -o r",
-            "r/summary.json",
-        ),
-        ("report r", "r/index.html"),
-        (
-            "calibrate board board --square-m 0.03 --yes -o c.xml --force",
-            "c.xml",
-        ),
-    ];
-    for (line, file) in lines {
-        let ran = fixture.svl(line);
-        assert!(fixture.path(file).exists(), "{line}: {}", ran.stderr);
-        let length = fixture.bytes(file).len();
-        for ms in [5, 40, 120, 300, 700] {
-            let began = Instant::now();
-            killed(&fixture, line, || began.elapsed().as_millis() > ms);
-            // Times differ from run to run, by some digits.
-            let now = fixture.bytes(file).len();
-            assert!(
-                now.abs_diff(length) < length / 10,
-                "{line}: {length}, {now}"
-            );
-        }
-    }
+    let line = "score short.toml -q --algo bm --force -o r";
+    kills(&fixture, line, "r/summary.json");
+    kills(&fixture, "report r", "r/index.html");
+}
+
+#[test]
+fn a_killed_calibration_leaves_the_earlier_or_the_whole_file() {
+    let fixture = Fixture::new();
+    let line = "calibrate board board --square-m 0.03 --yes -o c.xml --force";
+    kills(&fixture, line, "c.xml");
 }
 
 #[test]

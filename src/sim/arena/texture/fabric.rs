@@ -57,17 +57,18 @@ impl SheetCanvas {
             let from = (center - radius).max(0.0) as usize;
             from..((center + radius).max(-1.0) + 1.0).min(side as f32) as usize
         };
-        let squash = 1.0 / slimness;
+        let (squash, columns) = (1.0 / slimness, span(x, self.width));
         for row in span(y, self.height) {
             let dy = row as f32 - y;
-            for column in span(x, self.width) {
+            let tones = &mut self.tones[row * self.width..][columns.clone()];
+            // Without a branch per texel, so that the compiler can vectorize.
+            for (column, own) in (columns.start as i32..).zip(tones) {
                 let dx = column as f32 - x;
                 let length = dx * along.0 + dy * along.1;
                 let breadth = (dy * along.0 - dx * along.1) * squash;
-                if length * length + breadth * breadth <= radius * radius {
-                    let lit = if breadth > 0.0 { 1.12 } else { 0.88 };
-                    self.tones[row * self.width + column] = tone * lit;
-                }
+                let lit = if breadth > 0.0 { 1.12 } else { 0.88 };
+                let is_inside = length * length + breadth * breadth <= radius * radius;
+                *own = if is_inside { tone * lit } else { *own };
             }
         }
     }
