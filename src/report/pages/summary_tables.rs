@@ -145,13 +145,17 @@ pub(crate) fn accuracy_table(title: &str, rows: &[AccuracyRow]) -> Option<Table>
     let mut table = Table::from_items(title, &ACCURACY, rows);
     table.columns[1].is_text = true;
     table.remove_empty_columns();
-    let table = table.with_notes(&[
+    let mut notes = vec![
         "errors: number with a reported and a true distance",
         "fill, wrong: known, of those with a true distance; wrong, of the known",
-        "noise, flicker: of the resting cells, whose true distance changes by at most 1 % from an \
-         answer to the next",
-    ]);
-    table.if_any()
+    ];
+    if table.columns.iter().any(|column| column.head == "resting") {
+        notes.push(
+            "noise, flicker: of the resting cells, whose true distance changes by at most 1 % \
+             from an answer to the next",
+        );
+    }
+    table.with_notes(&notes).if_any()
 }
 
 impl Results {

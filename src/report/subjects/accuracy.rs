@@ -5,6 +5,7 @@
 //! Eigen, Puhrsch and Fergus (Depth Map Prediction from a Single Image, NIPS 2014, section 4.2).
 
 use crate::rows::records::{CellRow, record};
+use crate::show::words::digits;
 use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::doubt::rounded;
@@ -113,11 +114,15 @@ impl AccuracyRow {
 
     /// The same in words.
     pub(crate) fn range_words(&self) -> String {
-        let from = rounded(self.from_m);
+        // Three digits that count, without zeros behind them.
+        let short = |m: f64| {
+            let text = digits(Some(m));
+            rounded(text.parse().unwrap_or(m))
+        };
         match self.to_m {
             None if self.is_of_all() => "all".to_owned(),
-            None => format!("from {from}"),
-            Some(to_m) => format!("{from}–{}", rounded(to_m)),
+            None => format!("from {}", short(self.from_m)),
+            Some(to_m) => format!("{}–{}", short(self.from_m), short(to_m)),
         }
     }
 

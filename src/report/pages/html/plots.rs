@@ -310,7 +310,7 @@ pub(crate) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
     let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
     let chart = Chart::untitled(x, y, series).if_any();
     let about = "Median absolute error of the cells in each range of true distances.";
-    let plot = |chart: Chart| PlotView::new("Error against distance", about, chart.svg_in(colors));
+    let plot = |chart: Chart| PlotView::new("Median error of cells", about, chart.svg_in(colors));
     chart.map(plot).into_iter().collect()
 }
 
