@@ -402,8 +402,8 @@ impl RangeErrors {
 mod tests {
     use super::*;
 
-    #[test]
-    fn photographs_have_no_noise() {
+    /// The rows of a cell at 1 m in pairs with these stamps.
+    fn rows(stamps: &[Option<u64>]) -> Vec<AccuracyRow> {
         let cell = CellRow {
             algorithm: "v3".into(),
             verdict: Verdict::Right,
@@ -412,12 +412,24 @@ mod tests {
             state: Some(CellState::Known),
             ..CellRow::default()
         };
+        let mut tally = AccuracyTally::new(CellRule::default());
+        for stamp_ns in stamps {
+            tally.add(*stamp_ns, std::slice::from_ref(&cell));
+        }
+        tally.into_rows(&["v3"])
+    }
+
+    #[test]
+    fn a_range_has_its_nearer_bound() {
+        let rows = rows(&[None]);
+        let ranges: Vec<_> = rows.iter().map(AccuracyRow::range_words).collect();
+        assert_eq!(ranges, ["all", "1–2"]);
+    }
+
+    #[test]
+    fn photographs_have_no_noise() {
         let resting = |stamps: [Option<u64>; 2]| {
-            let mut tally = AccuracyTally::new(CellRule::default());
-            for stamp_ns in stamps {
-                tally.add(stamp_ns, std::slice::from_ref(&cell));
-            }
-            let row = tally.into_rows(&["v3"]).remove(0);
+            let row = &rows(&stamps)[0];
             (row.frames, row.resting_cells, row.noise_m, row.flicker)
         };
         assert_eq!(resting([Some(0), Some(9)]), (2, 1, Some(0.0), Some(0.0)));

@@ -291,6 +291,35 @@ mod tests {
     }
 
     #[test]
+    fn a_drive_with_help_is_not_finished() {
+        let at_m = [1.0, 1.0];
+        let (with, to) = ("ball".to_owned(), "ball".to_owned());
+        for (event, is_finished) in [
+            (DriveEvent::NearMiss { to, at_m }, true),
+            (DriveEvent::Collision { with, at_m }, false),
+            (DriveEvent::Stuck { at_m }, false),
+        ] {
+            let point = TrackPoint {
+                sequence: 0,
+                at_m,
+                heading: 0.0,
+                speed_m_per_s: 0.0,
+                clearance_m: 1.0,
+                is_placed: false,
+                is_skipped: false,
+                event: Some(event),
+            };
+            let mut log = DriveLog {
+                track: vec![point],
+                ..DriveLog::default()
+            };
+            assert!(!log.finished());
+            log.arrived = true;
+            assert_eq!(log.finished(), is_finished);
+        }
+    }
+
+    #[test]
     fn a_robot_stops_where_it_touches_something() {
         let (world, config) = (world(), DriveConfig::default());
         let ahead = DriveCommand {

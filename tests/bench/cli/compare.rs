@@ -472,13 +472,16 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     assert_eq!(point["cases"], summary["algorithms"][0]["cases"]["right"]);
     let [low, high] = [0, 1].map(|i| point["interval"][i].as_f64().unwrap());
     assert!((low..high).contains(&point["value"].as_f64().unwrap()));
-    // A report of other pairs empties no other's line.
+    // A report of other pairs empties no other's line, and one of other rules has a caution.
     fixture.write_short_arena("tiny.toml", 2);
+    let tolerance = ["[cells]\n", "[cells]\ntolerance_m = 0.2\n"];
+    fixture.edit("tiny.toml", "tiny.toml", &[tolerance]);
     fixture.run("score tiny.toml --seeds 3 --algo v3 --rerun none -o other -q");
     drop(fixture.svl("compare 0 other 1 -o other.json"));
     fixture.transcript(
         "cat other.json => /reports = [\"0\", \"1\"] | /lines/# > 0 \
-        | /cautions has other is left out: it shares no pair",
+        | /cautions has other is left out: it shares no pair \
+        | /cautions has other was scored differently (cells.tolerance_m: 0.1 and 0.2)",
     );
 }
 

@@ -148,6 +148,15 @@ fn other_peoples_files_keep_everything() {
         messages.collect::<Vec<_>>()
     };
     assert_eq!(all(&path), all(&saved));
+    // A topic stays whose only message is in a damaged chunk.
+    let mut bad = std::fs::read(&*path).unwrap();
+    let last = chunks(&bad).pop().unwrap();
+    bad[(last.start + last.end) / 2] ^= 0x10;
+    let (recovery, saved) = recovered(folder.path(), &bad);
+    assert!(!recovery.unwrap().messages.contains_key("/cam0/camera_info"));
+    let summary = mcap::Summary::read(&std::fs::read(saved).unwrap()).unwrap();
+    let channels: Vec<_> = summary.unwrap().channels.into_values().collect();
+    assert!(channels.iter().any(|own| own.topic == "/cam0/camera_info"));
     let (nothing, _) = recovered(folder.path(), &std::fs::read(&*path).unwrap()[..40]);
     let error = nothing.unwrap_err();
     error.says("nothing that can be recovered");

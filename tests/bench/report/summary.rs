@@ -78,20 +78,24 @@ fn an_algorithm_is_summed_up() {
 }
 
 #[test]
+fn memory_is_in_megabytes_of_a_million_bytes() {
+    let summary = found(vec![row("truth", 0, 1)], Vec::new());
+    assert_eq!(summary.algorithms[0].memory_mb, Some(2.5));
+}
+
+#[test]
 fn percentiles_are_nearest_rank() {
     let percentiles = |times: std::ops::RangeInclusive<u64>| {
-        let summary = summary(
-            times.rev().map(|ms| row("v3", ms, 1000 * ms)).collect(),
-            Vec::new(),
-        );
+        let rows = times.rev().map(|ms| row("v3", ms, 1000 * ms));
+        let summary = summary(rows.collect(), Vec::new());
         let v3 = &summary.algorithms[0];
-        (v3.p50_ms.unwrap(), v3.p99_ms.unwrap())
+        [v3.p50_ms, v3.p95_ms, v3.p99_ms].map(Option::unwrap)
     };
-    assert_eq!(percentiles(5..=5), (5.0, 5.0));
-    assert_eq!(percentiles(1..=4), (2.0, 4.0));
-    assert_eq!(percentiles(1..=100), (50.0, 99.0));
-    assert_eq!(percentiles(1..=101), (51.0, 100.0));
-    assert_eq!(percentiles(1..=200), (100.0, 198.0));
+    assert_eq!(percentiles(5..=5), [5.0, 5.0, 5.0]);
+    assert_eq!(percentiles(1..=4), [2.0, 4.0, 4.0]);
+    assert_eq!(percentiles(1..=100), [50.0, 95.0, 99.0]);
+    assert_eq!(percentiles(1..=101), [51.0, 96.0, 100.0]);
+    assert_eq!(percentiles(1..=200), [100.0, 190.0, 198.0]);
 }
 
 #[test]
