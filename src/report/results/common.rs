@@ -79,25 +79,3 @@ pub(super) fn only<'a>(rows: &'a [Row], pairs: Option<&BTreeSet<PairPlace<'_>>>)
     rows.filter(|row| pairs.is_none_or(|pairs| pairs.contains(&id(row))))
         .collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::subjects::speed::tests::row;
-
-    #[test]
-    fn an_algorithm_is_ranked_from_half_of_the_pairs_on() {
-        for (answered, common, is_absent) in [(10, 10, false), (9, 20, true)] {
-            let pair = |(algorithm, sequence): (&str, u64)| Row {
-                algorithm: algorithm.into(),
-                sequence,
-                ..row(1000, (64, 48), None)
-            };
-            let all = (0..20).map(|i| ("all", i));
-            let rows = all.chain((0..answered).map(|i| ("some", i))).map(pair);
-            let rows: Vec<_> = rows.collect();
-            let (own, _) = RankedPairs::new(&rows, &[]);
-            assert_eq!((own.common, own.is_absent("some")), (common, is_absent));
-        }
-    }
-}

@@ -94,7 +94,7 @@ impl DriveEvent {
 }
 
 /// The robot at a frame, and events since the last one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackPoint {
     pub sequence: u64,
     pub at_m: [f64; 2],
@@ -299,20 +299,11 @@ mod tests {
             (DriveEvent::Collision { with, at_m }, false),
             (DriveEvent::Stuck { at_m }, false),
         ] {
-            let point = TrackPoint {
-                sequence: 0,
-                at_m,
-                heading: 0.0,
-                speed_m_per_s: 0.0,
-                clearance_m: 1.0,
-                is_placed: false,
-                is_skipped: false,
+            let mut log = DriveLog::default();
+            log.track.push(TrackPoint {
                 event: Some(event),
-            };
-            let mut log = DriveLog {
-                track: vec![point],
-                ..DriveLog::default()
-            };
+                ..TrackPoint::default()
+            });
             assert!(!log.finished());
             log.arrived = true;
             assert_eq!(log.finished(), is_finished);
