@@ -395,6 +395,16 @@ mod tests {
     }
 
     #[test]
+    fn an_algorithm_is_ranked_from_half_of_the_pairs_on() {
+        for (pairs, common, unfit) in [(10, 10, Unfit::TooFewPairs), (9, 20, Unfit::Absent)] {
+            let own = [("all", 20), ("some", pairs)].map(|(label, n)| rows(label, n, |_| true));
+            let found = results(own, Vec::new());
+            let numbers = (found.basis.common.common, found.unfit["some"]);
+            assert_eq!(numbers, (common, unfit));
+        }
+    }
+
+    #[test]
     fn one_algorithm_that_answers_few_pairs_or_none_has_its_sentence() {
         let answers = |pairs| {
             let failed = |sequence| FailureRow {

@@ -94,7 +94,7 @@ impl DriveEvent {
 }
 
 /// The robot at a frame, and events since the last one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackPoint {
     pub sequence: u64,
     pub at_m: [f64; 2],
@@ -288,6 +288,26 @@ mod tests {
         assert!((distance_m - (0.25 - radius_m)).abs() < 1.0e-6);
         assert_eq!(near([0.5, 1.0], 0.12).1, "wall x=0");
         assert_eq!(near([0.5, 1.05], 0.14), (-0.05, "beam".into()));
+    }
+
+    #[test]
+    fn a_drive_with_help_is_not_finished() {
+        let at_m = [1.0, 1.0];
+        let (with, to) = ("ball".to_owned(), "ball".to_owned());
+        for (event, is_finished) in [
+            (DriveEvent::NearMiss { to, at_m }, true),
+            (DriveEvent::Collision { with, at_m }, false),
+            (DriveEvent::Stuck { at_m }, false),
+        ] {
+            let mut log = DriveLog::default();
+            log.track.push(TrackPoint {
+                event: Some(event),
+                ..TrackPoint::default()
+            });
+            assert!(!log.finished());
+            log.arrived = true;
+            assert_eq!(log.finished(), is_finished);
+        }
     }
 
     #[test]

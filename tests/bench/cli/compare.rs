@@ -8,6 +8,9 @@ use std::cmp::Ordering::{Equal, Greater, Less};
 /// The number of equal results of the first algorithm, in the JSON of a comparison.
 const EQUAL: &str = "/0/algorithms/0/equal_results";
 
+/// The edit of a scenario that scores cells by another rule.
+const OTHER_TOLERANCE: [&str; 2] = ["[cells]\n", "[cells]\ntolerance_m = 0.2\n"];
+
 /// A short arena scored by each of these algorithms, once for all tests, in a folder of that
 /// number.
 fn scored(algorithms: &[&str]) -> Fixture {
@@ -53,15 +56,13 @@ fn equal_runs_are_equal_and_json_says_all() {
 #[test]
 fn runs_with_other_cell_rules_are_not_compared() {
     let fixture = scored(&["v1"]);
-    let tolerance = ["[cells]\n", "[cells]\ntolerance_m = 0.2\n"];
-    let seeds = ["seeds = [1, 2]", "seeds = [2]"];
-    fixture.edit("short.toml", "one.toml", &[seeds, tolerance]);
+    fixture.edit("short.toml", "one.toml", &[OTHER_TOLERANCE]);
     // Checkpoints are summed over the runs that both have, so equal results are equal there too.
     fixture.transcript(
-        "score one.toml -q --algo v1 -o 1
+        "score one.toml --seeds 2 -q --algo v1 -o 1
         compare 0 1 => not comparable: scored differently (cells.tolerance_m: 0.1 and 0.2) \
         | not compared: 40 pairs of v1 in one report alone
-        score one.toml -q --algo v3 -o 2
+        score one.toml --seeds 2 -q --algo v3 -o 2
         compare 0 2 => v1 → v3 | 0 with equal results | !  better\\n | !  WORSE\\n | !  differs\\n
         compare 0 1 --json => /0/algorithms/0/checkpoints/*/judgement = equal",
     );
@@ -70,18 +71,12 @@ fn runs_with_other_cell_rules_are_not_compared() {
 #[test]
 fn runs_without_common_data_are_not_compared() {
     let fixture = scored(&["v3 --algo bm", "v1 --algo v2"]);
-    fixture.write_short_arena("other.toml", 40);
-    fixture.edit(
-        "other.toml",
-        "other.toml",
-        &[["seeds = [1, 2]", "seeds = [3]"]],
-    );
     fixture.transcript(
         "compare 0 1 => 4: nothing was compared: 0 and 1: no algorithm in common (v3, bm; v1, v2)
         compare 0 1 --json => 4: nothing was compared: 0 and 1: no algorithm in common
         compare 0 missing => 1: missing: is not a report
         compare 0 => 2: see --help
-        score other.toml -q --algo v3 -o 2
+        score short.toml --seeds 3 -q --algo v3 -o 2
         compare 0 2 => 4: no pair in common | other scenarios, seeds",
     );
     // Parts that are not compared come first, also beside others that are.
@@ -472,13 +467,15 @@ fn a_trend_has_a_line_per_algorithm_with_its_intervals() {
     assert_eq!(point["cases"], summary["algorithms"][0]["cases"]["right"]);
     let [low, high] = [0, 1].map(|i| point["interval"][i].as_f64().unwrap());
     assert!((low..high).contains(&point["value"].as_f64().unwrap()));
-    // A report of other pairs empties no other's line.
+    // A report of other pairs empties no other's line, and one of other rules has a caution.
     fixture.write_short_arena("tiny.toml", 2);
+    fixture.edit("tiny.toml", "tiny.toml", &[OTHER_TOLERANCE]);
     fixture.run("score tiny.toml --seeds 3 --algo v3 --rerun none -o other -q");
     drop(fixture.svl("compare 0 other 1 -o other.json"));
     fixture.transcript(
         "cat other.json => /reports = [\"0\", \"1\"] | /lines/# > 0 \
-        | /cautions has other is left out: it shares no pair",
+        | /cautions has other is left out: it shares no pair \
+        | /cautions has other was scored differently (cells.tolerance_m: 0.1 and 0.2)",
     );
 }
 
@@ -668,13 +665,8 @@ fn checkpoints_over_other_pairs_are_not_compared_and_said_to_be() {
 fn the_page_replaces_nothing_unasked() {
     let fixture = scored(&["v3", "v1"]);
     fixture.write("own.html", "mine");
-    fixture.edit(
-        "short.toml",
-        "other.toml",
-        &[["seeds = [1, 2]", "seeds = [3]"]],
-    );
     fixture.transcript(
-        "score other.toml -q --algo v3 --rerun none -o 2
+        "score short.toml --seeds 3 -q --algo v3 --rerun none -o 2
         compare 0 1 -o own.html => 1: own.html: exists already | --force
         compare 0 1 -o page.txt => 2: page.txt: must end in .html
         compare 0 1 -q -o page.md

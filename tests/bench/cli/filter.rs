@@ -3,6 +3,7 @@
 use super::fixture::{Fixture, assert_says};
 use super::transcript::assert_words;
 use crate::common::{is_nightly, python};
+use std::collections::BTreeSet;
 use std::sync::LazyLock;
 use svl::filter::{FilterKind, FilterModel, Spectrum};
 use svl::fit::filter::FrameLabels;
@@ -126,6 +127,8 @@ fn algorithms_run_with_and_without_filters() {
     assert!(count(1, "kept_obstacles") > Some(0), "{json}");
     // The filter is part of the parameters, and its time of the algorithm's. A recording of results
     // contains them too, and is verified with the same filter.
+    let hashes = fixture.column("report/rows.csv", "parameters_hash");
+    assert_eq!(BTreeSet::from_iter(hashes).len(), 4);
     fixture.transcript(
         "cat report/manifest.json => +floor=
         cat report/rows.csv => filters_us | v3+floor

@@ -35,19 +35,28 @@ pub(crate) fn recovered(folder: &Path, bytes: &[u8]) -> (svl::Result<Recovery>, 
     (recover(&damaged, &saved), saved)
 }
 
+/// Recovers all of a specimen.
+pub(crate) fn all_recovered(folder: &Path, bytes: &[u8], frames: &[Frame]) -> PathBuf {
+    let (recovery, saved) = recovered(folder, bytes);
+    let recovery = recovery.unwrap();
+    assert!(recovery.losses.is_empty(), "{:?}", recovery.losses);
+    assert!(recovery.missing.is_empty() && !recovery.partial);
+    let counts = (recovery.pairs, recovery.attachments, recovery.metadata);
+    assert_eq!(counts, (6, 1, 1));
+    for file in [&folder.join("damaged.mcap"), &saved] {
+        assert!(intact(file) == frames);
+        let scenario = attachment(file, "scenario.toml").unwrap();
+        assert_eq!(scenario.unwrap(), b"name = 'x'");
+        assert_eq!(header(file).unwrap().seed, Some(7));
+    }
+    saved
+}
+
 #[test]
 fn a_whole_file_loses_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let (bytes, frames) = specimen(folder.path());
-    let (recovery, saved) = recovered(folder.path(), &bytes);
-    let recovery = recovery.unwrap();
-    assert!(recovery.losses.is_empty() && recovery.missing.is_empty());
-    let counts = (recovery.pairs, recovery.attachments, recovery.metadata);
-    assert_eq!(counts, (6, 1, 1));
-    assert_eq!(read(&saved).0, frames);
-    let scenario = attachment(&saved, "scenario.toml").unwrap();
-    assert_eq!(scenario.unwrap(), b"name = 'x'");
-    assert_eq!(header(&saved).unwrap().seed, Some(7));
+    let saved = all_recovered(folder.path(), &bytes, &frames);
     let again = recover(&folder.path().join("damaged.mcap"), &saved);
     again.unwrap_err().says("never overwritten");
 }
@@ -148,6 +157,15 @@ fn other_peoples_files_keep_everything() {
         messages.collect::<Vec<_>>()
     };
     assert_eq!(all(&path), all(&saved));
+    // A topic stays whose only message is in a damaged chunk.
+    let mut bad = std::fs::read(&*path).unwrap();
+    let last = chunks(&bad).pop().unwrap();
+    bad[(last.start + last.end) / 2] ^= 0x10;
+    let (recovery, saved) = recovered(folder.path(), &bad);
+    assert!(!recovery.unwrap().messages.contains_key("/cam0/camera_info"));
+    let summary = mcap::Summary::read(&std::fs::read(saved).unwrap()).unwrap();
+    let channels: Vec<_> = summary.unwrap().channels.into_values().collect();
+    assert!(channels.iter().any(|own| own.topic == "/cam0/camera_info"));
     let (nothing, _) = recovered(folder.path(), &std::fs::read(&*path).unwrap()[..40]);
     let error = nothing.unwrap_err();
     error.says("nothing that can be recovered");

@@ -1,97 +1,71 @@
 //! The summary of a run, on the terminal and as Markdown.
 
 use super::fixture::{blind, checkpoint, example, found, row, summary};
-use svl::report::table::TableCell;
-use svl::report::table::TerminalStyle;
+use svl::report::table::{TableCell, TerminalStyle};
 use svl::report::{Best, Certainty, Results, Row, Unfit};
 use svl::score::{ColumnChoice, Metric, MetricValues};
 
+#[track_caller]
+fn assert_near<const N: usize>(values: [Option<f64>; N], expected: [f64; N]) {
+    let mut both = values.iter().zip(expected);
+    let are_near = both.all(|(own, expected)| (own.unwrap() - expected).abs() < 1e-12);
+    assert!(are_near, "{values:?}");
+}
+
 #[test]
 fn an_algorithm_is_summed_up() {
-    let mut rows = vec![
-        row("v3", 0, 4_000),
-        row("bm", 0, 1),
-        row("v3", 1, 2_000),
-        blind("v3", 9_000),
-    ];
+    let mut rows = [("v3", 0, 4_000), ("bm", 0, 1), ("v3", 1, 2_000)]
+        .map(|(name, sequence, us)| row(name, sequence, us))
+        .to_vec();
+    rows.push(blind("v3", 9_000));
     rows[2].metrics.set("wrong", Some(4.0));
     rows[2].metrics.set("bad1", Some(0.08));
     let summary = summary(rows, Vec::new());
-    assert_eq!(
-        summary
-            .algorithms
-            .iter()
-            .map(|a| a.algorithm.as_str())
-            .collect::<Vec<_>>(),
-        ["v3", "bm"]
-    );
+    let names = summary.algorithms.iter().map(|a| a.algorithm.as_str());
+    assert!(names.eq(["v3", "bm"]));
     let v3 = &summary.algorithms[0];
-    assert_eq!(
-        (
-            v3.pairs,
-            ["right", "wrong", "unknown"].map(|name| v3.totals.get(name))
-        ),
-        (3, [Some(24.0), Some(5.0), Some(4.0)])
-    );
-    assert_eq!(
-        ["missed", "false"].map(|name| v3.totals.get(name)),
-        [Some(2.0), Some(0.0)]
-    );
+    let totals = ["right", "wrong", "unknown", "missed", "false"].map(|name| v3.totals.get(name));
+    let expected = [24.0, 5.0, 4.0, 2.0, 0.0].map(Some);
+    assert_eq!((v3.pairs, totals), (3, expected));
     // A pair without truth does not dilute the means.
-    for (name, mean) in [
-        ("bad1", 0.06),
-        ("bad2", 0.02),
-        ("coverage", 0.3),
-        ("invalid", 0.5),
-    ] {
-        assert!(
-            (v3.totals.get(name).unwrap() - mean).abs() < 1e-12,
-            "{name}"
-        );
-    }
-    let right = v3.value(Metric::find("right").unwrap()).unwrap();
-    assert!((right - 24.0 / 33.0).abs() < 1e-12);
+    let means = ["bad1", "bad2", "coverage", "invalid"].map(|name| v3.totals.get(name));
+    assert_near(means, [0.06, 0.02, 0.3, 0.5]);
+    let right = v3.value(Metric::find("right").unwrap());
+    assert_near([right], [24.0 / 33.0]);
     assert_eq!(
         (v3.p50_ms, v3.p95_ms, v3.p99_ms, v3.max_ms),
         (Some(4.0), Some(9.0), Some(9.0), Some(9.0))
     );
     // 4 ms for 76 800 pixels; among the pairs with known disparities the faster is the median.
-    assert!((v3.time_per_mp_s.unwrap() - 4000.0 / 76_800.0).abs() < 1e-12);
     let per_gd = 1e3 * 2000.0 / (76_800.0 * 81.0);
-    assert!((v3.time_per_gd_s.unwrap() - per_gd).abs() < 1e-12);
+    let per_size = [v3.time_per_mp_s, v3.time_per_gd_s];
+    assert_near(per_size, [4000.0 / 76_800.0, per_gd]);
     assert!((v3.mde_per_s.unwrap() - 1e3 / per_gd).abs() < 1e-9);
     // Stages of 0.1 to 0.4 ms of 5 ms in the mean.
-    let stages = [
-        v3.smoothing_ms,
-        v3.texture_ms,
-        v3.matching_ms,
-        v3.checks_ms,
-        v3.other_ms,
-    ];
-    assert!(
-        stages
-            .iter()
-            .zip([0.1, 0.2, 0.3, 0.4, 4.0])
-            .all(|(a, b)| (a.unwrap() - b).abs() < 1e-12),
-        "{stages:?}"
-    );
+    assert_near([v3.smoothing_ms, v3.texture_ms], [0.1, 0.2]);
+    assert_near([v3.matching_ms, v3.checks_ms], [0.3, 0.4]);
+    assert_near([v3.other_ms], [4.0]);
+}
+
+#[test]
+fn a_megabyte_is_a_million_bytes() {
+    let summary = found(vec![row("truth", 0, 1)], Vec::new());
+    assert_eq!(summary.algorithms[0].memory_mb, Some(2.5));
 }
 
 #[test]
 fn percentiles_are_nearest_rank() {
     let percentiles = |times: std::ops::RangeInclusive<u64>| {
-        let summary = summary(
-            times.rev().map(|ms| row("v3", ms, 1000 * ms)).collect(),
-            Vec::new(),
-        );
+        let rows = times.rev().map(|ms| row("v3", ms, 1000 * ms));
+        let summary = summary(rows.collect(), Vec::new());
         let v3 = &summary.algorithms[0];
-        (v3.p50_ms.unwrap(), v3.p99_ms.unwrap())
+        [v3.p50_ms, v3.p95_ms, v3.p99_ms].map(Option::unwrap)
     };
-    assert_eq!(percentiles(5..=5), (5.0, 5.0));
-    assert_eq!(percentiles(1..=4), (2.0, 4.0));
-    assert_eq!(percentiles(1..=100), (50.0, 99.0));
-    assert_eq!(percentiles(1..=101), (51.0, 100.0));
-    assert_eq!(percentiles(1..=200), (100.0, 198.0));
+    assert_eq!(percentiles(5..=5), [5.0, 5.0, 5.0]);
+    assert_eq!(percentiles(1..=4), [2.0, 4.0, 4.0]);
+    assert_eq!(percentiles(1..=100), [50.0, 95.0, 99.0]);
+    assert_eq!(percentiles(1..=101), [51.0, 96.0, 100.0]);
+    assert_eq!(percentiles(1..=200), [100.0, 190.0, 198.0]);
 }
 
 #[test]
@@ -179,11 +153,8 @@ fn the_answer_is_one_screen() {
         let plain = without_colors(&text);
         let widest = plain.lines().map(|line| line.chars().count()).max();
         assert!(widest <= Some(width), "{width}:\n{text}");
-        assert_eq!(
-            text.contains('█'),
-            is_rich && width >= 80,
-            "{width}:\n{text}"
-        );
+        let has_bars = text.contains('█');
+        assert_eq!(has_bars, is_rich && width >= 80, "{width}:\n{text}");
         assert!(plain.lines().all(|line| line == line.trim_end()), "{text}");
     }
     insta::assert_snapshot!("screen_80", without_colors(&screen(&summary, 80, true)));
@@ -277,11 +248,8 @@ fn the_best_is_as_sure_as_its_intervals() {
     rows.extend((0..5).map(|i| row("bm", i, 1)));
     let few = found(rows, Vec::new());
     assert!(few.best.is_empty() && few.unfit.values().all(|own| *own == Unfit::TooFewPairs));
-    assert!(
-        few.answer()[0].starts_with("Too few pairs to tell"),
-        "{:?}",
-        few.answer()
-    );
+    let answer = few.answer().join(" ");
+    assert!(answer.starts_with("Too few pairs to tell"), "{answer}");
     // An algorithm with more than 10 % wrong cells is not the best in anything.
     let wrong = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("v3", 6.0, 0.5, [1, 1, 1])]);
     let is_alone = |best: &Best| best.algorithm == "v3" && best.others.is_empty();
@@ -346,22 +314,29 @@ fn marks_tell_the_best_from_those_that_are_not_told_apart() {
     );
 }
 
-#[test]
-fn the_best_of_a_data_set_need_not_be_the_fastest() {
-    let rows_of = |name: &'static str, bad2, coverage, us| {
+/// A data set by algorithms with shares of bad pixels and cover, and times in µs.
+fn data_set(algorithms: [(&str, f64, f64, u64); 4]) -> Results {
+    let rows = algorithms.iter().flat_map(|(name, bad2, coverage, us)| {
         (0..60).map(move |sequence| Row {
             metrics: MetricValues::from([
-                ("bad2", bad2),
+                ("bad2", *bad2),
                 ("total_bad2", 1.0 - coverage * (1.0 - bad2)),
-                ("coverage", coverage),
+                ("coverage", *coverage),
             ]),
-            ..row(name, sequence, us)
+            ..row(name, sequence, *us)
         })
-    };
-    let rows = rows_of("sgm", 0.02, 0.9, 9_000).chain(rows_of("bm", 0.05, 0.6, 1_000));
-    let worse = rows_of("v1", 0.4, 0.5, 10_000).chain(rows_of("truth", 0.0, 1.0, 1));
-    let rows: Vec<_> = rows.chain(worse).collect();
-    let summary = found(rows, Vec::new());
+    });
+    found(rows.collect(), Vec::new())
+}
+
+#[test]
+fn the_best_of_a_data_set_need_not_be_the_fastest() {
+    let summary = data_set([
+        ("sgm", 0.02, 0.9, 9_000),
+        ("bm", 0.05, 0.6, 1_000),
+        ("v1", 0.4, 0.5, 10_000),
+        ("truth", 0.0, 1.0, 1),
+    ]);
     let best = summary.best.iter();
     let best: Vec<_> = best
         .map(|best| (best.metric.name, best.algorithm.as_str()))
@@ -371,26 +346,12 @@ fn the_best_of_a_data_set_need_not_be_the_fastest() {
 
 #[test]
 fn neither_the_truth_nor_one_of_few_disparities_is_called_best() {
-    let mut rows = Vec::new();
-    for (name, bad, coverage) in [
-        ("truth", 0.0, 1.0),
-        ("few", 0.01, 0.05),
-        ("bm", 0.2, 0.6),
-        ("v3", 0.3, 0.5),
-    ] {
-        rows.extend((0..60).map(|i| {
-            Row {
-                metrics: [
-                    ("bad2", bad),
-                    ("total_bad2", 1.0 - coverage * (1.0 - bad)),
-                    ("coverage", coverage),
-                ]
-                .into(),
-                ..row(name, i, 1_000)
-            }
-        }));
-    }
-    let summary = found(rows, Vec::new());
+    let summary = data_set([
+        ("truth", 0.0, 1.0, 1_000),
+        ("few", 0.01, 0.05, 1_000),
+        ("bm", 0.2, 0.6, 1_000),
+        ("v3", 0.3, 0.5, 1_000),
+    ]);
     // One of few disparities leaves most pixels out.
     assert_eq!(summary.best[0].algorithm, "bm");
 }
