@@ -14,8 +14,8 @@ use crate::pages::html::frames::{
     truth_words,
 };
 use crate::pages::html::scenes::picture_colors;
-use crate::rows::records::CellRow;
-use crate::rows::samples::run_key;
+use crate::rows::records::{CellRow, Row};
+use crate::rows::samples::{run_key, time_ns};
 use crate::show::page::parts::{PageImages, fill};
 use minijinja::{Value, context};
 use std::collections::BTreeSet;
@@ -56,7 +56,10 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
     let pictured = both().filter(|(_, frames)| !frames.is_empty());
     let pictured: Vec<_> = pictured.map(|(own, _)| own.labels()).collect();
     let figures = shown().enumerate();
-    let figures = figures.map(|(i, (own, frame))| figure_view(i, own, frame, &mut images));
+    let figures = figures.map(|(i, (own, frame))| {
+        let title = frame_title(join, &frame.shots[0].row);
+        figure_view((i, title), own, frame, &mut images)
+    });
     let figures: Vec<_> = figures.collect();
     let filters = CHANGES
         .map(change_word)
@@ -114,9 +117,21 @@ fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<&'static str> 
     Some(words)
 }
 
+/// The origin of a frame, and its time in the recording.
+fn frame_title(join: &Join<'_>, row: &Row) -> String {
+    let origin = row.origin_words();
+    let run = join.runs[0].rows.iter();
+    let run = run.filter(|own| run_key(own) == run_key(row));
+    let began = run.filter_map(time_ns).min();
+    let ns = time_ns(row).zip(began).map(|(ns, began)| ns - began);
+    ns.map_or(origin.clone(), |ns| {
+        format!("{origin}, at {:.1} s", ns as f64 / 1e9)
+    })
+}
+
 /// A frame before and after, for the template.
 fn figure_view<'a>(
-    place: usize,
+    (place, title): (usize, String),
     own: &AlgorithmChange,
     frame: &'a ChangedFrame,
     images: &mut PageImages<'a>,
@@ -146,7 +161,7 @@ fn figure_view<'a>(
     let shown = |shot: &&FrameShot| (shot.true_preview.is_some(), !shot.cells.is_empty());
     let truth = frame.shots.iter().max_by_key(shown);
     context! {
-        title => frame.shots[0].row.origin_words(), about => "", is_film => false,
+        title, about => "", is_film => false,
         frame => frame_name(&frame.shots[0].row), shots,
         truth => truth.map(|shot| true_pictures(shot, images)).unwrap_or_default(),
     }

@@ -453,6 +453,80 @@ fn a_layer_of_drives_is_its_ways_and_its_rows() {
     assert_eq!(found, expected);
 }
 
+/// The questions of a reader, and per page the selectors of what answers them, with a part of the
+/// answer: what is it worth or what changed, where did it fail, by how much, which second.
+const ANSWERS: [(&str, [(&str, &str); 4]); 4] = [
+    (
+        "a/index.html",
+        [
+            (".answer", "Best: "),
+            (".lane-name a", " wrong"),
+            ("#headline tbody td", "."),
+            ("a.bin", " s"),
+        ],
+    ),
+    (
+        "camera/index.html",
+        [
+            (".answer", "right"),
+            ("#accuracy tbody td", "all"),
+            ("#accuracy thead th:nth-child(7)", "RMSE m"),
+            (".lane-name a", " s: "),
+        ],
+    ),
+    (
+        "page.html",
+        [
+            (".answer", "bm"),
+            (".shot .note", "changed: "),
+            (".changes td:nth-child(4)", " points"),
+            (".figure h3", " s"),
+        ],
+    ),
+    (
+        "trend.html",
+        [
+            ("h1", "the newest last"),
+            ("figure svg title", "b"),
+            ("figure svg", "%"),
+            ("section tbody td", ":"),
+        ],
+    ),
+];
+
+#[test]
+fn every_page_answers_its_questions() {
+    if !has("chromium", &["--version"]) {
+        return crate::common::skip("no Chromium: pages in a browser");
+    }
+    let run = Fixture::new();
+    run.record_short_arena("run.mcap", 40, 7);
+    run.transcript(
+        "replay run.mcap --algo sgm -q -o result.mcap
+        score result.mcap --algo camera=topic:/algo/sgm/disparity --rerun none -q -o camera
+        score run.mcap --algo bm --rerun none -q -o a
+        score run.mcap --algo bm:block_size=21 --rerun none -q -o b
+        compare a b -o page.html
+        compare a b a -o trend.html",
+    );
+    for (page, answers) in ANSWERS {
+        let found = inspect(
+            &run,
+            page,
+            (1400, false),
+            &format!(
+                "return {}.map(([selector]) => [...own.document.querySelectorAll(selector)].map(
+                  (one) => one.textContent + (one.title || '')).join('|'));",
+                serde_json::json!(answers)
+            ),
+        );
+        for ((selector, words), text) in answers.iter().zip(found.as_array().unwrap()) {
+            let text = text.as_str().unwrap();
+            assert!(text.contains(words), "{page} {selector}: {text}");
+        }
+    }
+}
+
 #[test]
 fn a_comparison_filters_its_frames_by_their_changes() {
     if !has("chromium", &["--version"]) {
