@@ -13,11 +13,19 @@ pub struct ArenaSource {
     arena: Arena,
     seed: u64,
     next: u64,
+    /// Frames of the next batch: a frame per thread at the start and after a seek, then twice as
+    /// many as before, so that a run of few frames, or of every tenth, renders few others.
+    batch: u64,
     ready: VecDeque<Frame>,
 }
 
-/// Frames rendered at once: enough to keep the cores busy, few enough to hold.
-const BATCH: u64 = 8;
+/// Limit of the frames rendered at once: enough to keep the cores busy, few enough to hold.
+const MAX_BATCH: u64 = 8;
+
+/// A frame per thread.
+fn first_batch() -> u64 {
+    (rayon::current_num_threads() as u64).min(MAX_BATCH)
+}
 
 impl ArenaSource {
     pub fn new(arena: Arena, seed: u64) -> Self {
@@ -25,6 +33,7 @@ impl ArenaSource {
             arena,
             seed,
             next: 0,
+            batch: first_batch(),
             ready: VecDeque::new(),
         }
     }
@@ -48,7 +57,8 @@ impl Source for ArenaSource {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         if self.ready.is_empty() {
-            let batch = self.next..self.arena.frames().min(self.next + BATCH);
+            let batch = self.next..self.arena.frames().min(self.next + self.batch);
+            self.batch = (2 * self.batch).min(MAX_BATCH);
             self.next = batch.end;
             self.ready = batch
                 .into_par_iter()
@@ -70,6 +80,7 @@ impl Source for ArenaSource {
             }
             _ => {
                 self.ready.clear();
+                self.batch = first_batch();
                 self.next = index.min(self.arena.frames());
             }
         }
