@@ -42,5 +42,7 @@ svl score four/course-4-v3.mcap --from 15.1 --to 15.2 --algo v5 --algo v3 --algo
 python3 "$root/docs/pictures/story.py" frame/index.html course/course-4.svg >story.html
 page story.png 1200,745 story.html
 
-svl score arena --quiet >/dev/null
-page report.png 1200,980 reports/arena/index.html
+# A ROS 2 bag.
+svl record arena --ros2 --quiet -o drive.mcap
+svl score drive.mcap --truth /truth/depth --algo v1 --algo v3 --algo bm --algo sgm --algo v5 --quiet >/dev/null
+page report.png 1200,1480 reports/drive/index.html
