@@ -1000,17 +1000,39 @@ const BY_AREA: usize = {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetricValues {
     /// Values of no area, and of obstacles.
-    own: [Option<f64>; METRICS.len()],
+    own: [StoredValue; METRICS.len()],
     /// Values over floor, over what is beyond and over all, in the order of [`METRICS`].
-    areas: [[Option<f64>; BY_AREA]; 3],
+    areas: [[StoredValue; BY_AREA]; 3],
     selected: AreaChoice,
+}
+
+/// A value, or NaN for none: half as large as an [`Option`], as reports hold a row per pair.
+#[derive(Clone, Copy, Debug)]
+struct StoredValue(f64);
+
+impl StoredValue {
+    const NONE: Self = Self(f64::NAN);
+
+    fn new(value: Option<f64>) -> Self {
+        value.map_or(Self::NONE, Self)
+    }
+
+    fn get(self) -> Option<f64> {
+        (!self.0.is_nan()).then_some(self.0)
+    }
+}
+
+impl PartialEq for StoredValue {
+    fn eq(&self, other: &Self) -> bool {
+        self.get() == other.get()
+    }
 }
 
 impl Default for MetricValues {
     fn default() -> Self {
         Self {
-            own: [None; METRICS.len()],
-            areas: [[None; BY_AREA]; 3],
+            own: [StoredValue::NONE; METRICS.len()],
+            areas: [[StoredValue::NONE; BY_AREA]; 3],
             selected: AreaChoice::default(),
         }
     }
@@ -1034,7 +1056,7 @@ impl MetricValues {
     /// Values of the headline.
     pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
         Self {
-            own: std::array::from_fn(|i| value(&METRICS[i])),
+            own: std::array::from_fn(|i| StoredValue::new(value(&METRICS[i]))),
             ..Self::default()
         }
     }
@@ -1065,8 +1087,8 @@ impl MetricValues {
     pub fn get_in(&self, name: &str, area: AreaChoice) -> Option<f64> {
         let place = place(name);
         match area_place(place).zip(area_index(area)) {
-            Some((place, area)) => self.areas[area][place],
-            None => self.own[place],
+            Some((place, area)) => self.areas[area][place].get(),
+            None => self.own[place].get(),
         }
     }
 
@@ -1076,7 +1098,7 @@ impl MetricValues {
     }
 
     pub fn set_in(&mut self, name: &str, area: AreaChoice, value: Option<f64>) {
-        let place = place(name);
+        let (place, value) = (place(name), StoredValue::new(value));
         match area_place(place).zip(area_index(area)) {
             Some((place, area)) => self.areas[area][place] = value,
             None => self.own[place] = value,
