@@ -152,7 +152,10 @@ fn replays(plan: &ReportPlan, runs: &[RunUnits]) -> Result<Replays> {
         // The arena is recorded first.
         let made = || Some(facts.files.first()?.path().display().to_string());
         let record = facts.record.as_ref().map(|record| record.path.clone());
-        let file = record.or_else(made)?;
+        // Pairs in a folder are replayed once they are recorded.
+        let file = record
+            .or_else(made)
+            .filter(|file| !Path::new(file).is_dir())?;
         Some(((run.seed, run.run.clone()), (file, facts.start_ns?)))
     });
     Ok(Replays {

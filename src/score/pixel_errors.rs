@@ -4,44 +4,58 @@
 use crate::plausibility::sampled_places;
 use crate::scenario::DistanceRange;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::sync::LazyLock;
 use svl_core::stereo::{CellRule, Estimate, Frame, Plane, Visibility};
 
 /// Pixels of a pair that are compared, about.
-const PIXELS: f64 = 1200.0;
-/// Bits of a single-precision number that ranges do not tell apart: of distances, 32 ranges per
-/// factor of two; of the sizes of errors, 4.
-const NARROW_BITS: u32 = 18;
-const SIZE_BITS: u32 = 21;
+const PIXELS: f64 = 4800.0;
+/// Distances of two digits that count, metres, ascending: each begins a narrow range.
+static ENDS_M: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let scales = [1000.0, 100.0, 10.0, 1.0, 0.1];
+    let ends = scales.map(|scale| (10..100).map(move |digits| f64::from(digits) / scale));
+    [0.0]
+        .into_iter()
+        .chain(ends.into_iter().flatten())
+        .collect()
+});
+/// Bits of a single-precision number by which sizes of errors are not told apart: 8 sizes per
+/// factor of two, from a quarter of a millimetre to 1 km.
+const SIZE_BITS: u32 = 20;
+const MIN_SIZE_M: f32 = 1.0 / 4096.0;
+const SIZES: usize = 176;
 
 /// The number of the narrow range of a distance, in their order.
-pub fn narrow_range(true_m: f64) -> u32 {
-    (true_m as f32).to_bits() >> NARROW_BITS
+pub fn narrow_range(true_m: f64) -> usize {
+    ENDS_M.partition_point(|end_m| *end_m <= true_m).max(1) - 1
 }
 
 /// The least distance of a narrow range, metres.
-pub fn narrow_from_m(number: u32) -> f64 {
-    f32::from_bits(number << NARROW_BITS).into()
+pub fn narrow_from_m(number: usize) -> f64 {
+    ENDS_M[number]
 }
 
-/// The errors of an algorithm's pixels by narrow ranges.
+/// The errors of an algorithm's pixels by narrow ranges: by their numbers, none before the first
+/// pixel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PixelErrors(BTreeMap<u32, PixelSums>);
+#[serde(from = "Vec<(usize, PixelSums)>", into = "Vec<(usize, PixelSums)>")]
+pub struct PixelErrors(Vec<PixelSums>);
 
 /// Sums over the pixels of a range.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PixelSums {
-    /// Pixels with a true distance, those of them with a disparity, and those of these that are
-    /// off by more than the tolerance of a right cell.
+    /// Pixels with a true distance that both cameras see, those of them with a disparity, and those
+    /// of these that are off by more than the tolerance of a right cell.
     pub scored: u64,
     pub known: u64,
     pub wrong: u64,
-    /// Errors, their squares, and their sizes over the true distances.
+    /// Sums of true distances, of errors, of their squares, and of their sizes over the true
+    /// distances.
+    pub true_m: f64,
     pub errors_m: f64,
     pub squares_m2: f64,
     pub relative: f64,
-    /// Number of errors by their size.
-    sizes: BTreeMap<u32, u64>,
+    /// Number of errors by their size; empty without any.
+    sizes: Vec<u64>,
 }
 
 impl PixelErrors {
@@ -53,6 +67,7 @@ impl PixelErrors {
         if !matches!(rule, CellRule::Distance { .. }) {
             return;
         }
+        self.0.resize(ENDS_M.len(), PixelSums::default());
         let map = estimate.disparity.disparity();
         for (x, y) in sampled_places(truth.disparity.size(), PIXELS) {
             let is_seen = |seen: &Plane<_>| seen.get(x, y) == Visibility::Visible;
@@ -63,9 +78,10 @@ impl PixelErrors {
             let Some(true_m) = rig.depth_m(true_px.into()) else {
                 continue;
             };
-            let sums = self.0.entry(narrow_range(true_m)).or_default();
+            let sums = &mut self.0[narrow_range(true_m)];
             let reported_px = map.get(x, y);
             sums.scored += 1;
+            sums.true_m += true_m;
             if !reported_px.is_finite() {
                 continue;
             }
@@ -77,35 +93,60 @@ impl PixelErrors {
                 sums.errors_m += error_m;
                 sums.squares_m2 += error_m * error_m;
                 sums.relative += error_m.abs() / true_m;
-                let size = (error_m.abs() as f32).to_bits() >> SIZE_BITS;
-                *sums.sizes.entry(size).or_default() += 1;
+                sums.sizes.resize(SIZES, 0);
+                sums.sizes[size_number(error_m.abs() as f32)] += 1;
             }
         }
     }
 
     /// Adds those of other pairs.
     pub fn merge(&mut self, other: &Self) {
-        for (range, sums) in &other.0 {
-            self.0.entry(*range).or_default().merge(sums);
+        self.0
+            .resize(self.0.len().max(other.0.len()), PixelSums::default());
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            own.merge(other);
         }
     }
 
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.0.iter().all(|sums| sums.scored == 0)
     }
 
     /// The sums over a range of distances; a narrow range in which it ends belongs to one side of
-    /// that by its middle.
+    /// that by its beginning.
     pub fn sums(&self, range: DistanceRange) -> PixelSums {
         let mut all = PixelSums::default();
-        for (number, sums) in &self.0 {
-            let middle_m = (narrow_from_m(*number) + narrow_from_m(number + 1)) / 2.0;
-            if range.has(middle_m) {
-                all.merge(sums);
-            }
-        }
+        let inside = self.0.iter().zip(ENDS_M.iter());
+        let inside = inside.filter(|(_, from_m)| range.has(**from_m));
+        inside.for_each(|(sums, _)| all.merge(sums));
         all
     }
+}
+
+impl From<Vec<(usize, PixelSums)>> for PixelErrors {
+    fn from(filled: Vec<(usize, PixelSums)>) -> Self {
+        let mut ranges = vec![PixelSums::default(); ENDS_M.len()];
+        for (number, sums) in filled {
+            if let Some(own) = ranges.get_mut(number) {
+                *own = sums;
+            }
+        }
+        Self(ranges)
+    }
+}
+
+impl From<PixelErrors> for Vec<(usize, PixelSums)> {
+    fn from(errors: PixelErrors) -> Self {
+        let filled = errors.0.into_iter().enumerate();
+        filled.filter(|(_, sums)| sums.scored > 0).collect()
+    }
+}
+
+/// The number of the size of an error.
+fn size_number(error_m: f32) -> usize {
+    let from = MIN_SIZE_M.to_bits() >> SIZE_BITS;
+    let number = (error_m.max(MIN_SIZE_M).to_bits() >> SIZE_BITS) - from;
+    (number as usize).min(SIZES - 1)
 }
 
 impl PixelSums {
@@ -113,30 +154,36 @@ impl PixelSums {
         self.scored += other.scored;
         self.known += other.known;
         self.wrong += other.wrong;
+        self.true_m += other.true_m;
         self.errors_m += other.errors_m;
         self.squares_m2 += other.squares_m2;
         self.relative += other.relative;
-        for (size, count) in &other.sizes {
-            *self.sizes.entry(*size).or_default() += count;
+        self.sizes
+            .resize(self.sizes.len().max(other.sizes.len()), 0);
+        for (own, other) in self.sizes.iter_mut().zip(&other.sizes) {
+            *own += other;
         }
     }
 
     /// Number of pixels with a distance.
     pub fn errors(&self) -> u64 {
-        self.sizes.values().sum()
+        self.sizes.iter().sum()
     }
 
-    /// The median size of an error, metres, to about a tenth.
+    /// The median size of an error, metres, to about a twentieth.
     pub fn median_m(&self) -> Option<f64> {
-        let middle = self.errors().div_ceil(2);
+        let middle = self.errors().div_ceil(2).max(1);
         let mut seen = 0;
-        let mut sizes = self.sizes.iter();
-        let (size, _) = sizes.find(|(_, count)| {
-            seen += **count;
+        let size = self.sizes.iter().position(|count| {
+            seen += count;
             seen >= middle
         })?;
-        let edge_m = |size: u32| f64::from(f32::from_bits(size << SIZE_BITS));
-        Some((edge_m(*size) + edge_m(size + 1)) / 2.0)
+        let edge_m = |number: usize| {
+            let bits = (MIN_SIZE_M.to_bits() >> SIZE_BITS) + number as u32;
+            f64::from(f32::from_bits(bits << SIZE_BITS))
+        };
+        let below_m = if size == 0 { 0.0 } else { edge_m(size) };
+        Some((below_m + edge_m(size + 1)) / 2.0)
     }
 }
 
@@ -181,7 +228,7 @@ mod tests {
             times: None,
         };
         errors.add(&frame, &estimate, &CellRule::default());
-        // 2 and 8 are ends of narrow ranges.
+        // Ends of narrow ranges.
         let range: DistanceRange = "2..8".parse().unwrap();
         let sums = errors.sums(range);
         let inside = || (0..1200).filter(|i| range.has(true_m(*i)));

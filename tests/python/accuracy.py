@@ -24,7 +24,7 @@ for cell in table("cells.csv"):
         known = cell["state"] in ("", "known")
         reported = number(cell["distance_m"]) if known else None
         key = cell["algorithm"], cell["column"], cell["row"]
-        tracks[key].append((cell["area"], truth, reported, known, cell["verdict"] == "wrong"))
+        tracks[key].append((cell["area"], truth, reported, known, cell["verdict"]))
 
 equal = 0
 for row in table("accuracy.csv"):
@@ -34,13 +34,14 @@ for row in table("accuracy.csv"):
     inside = lambda z: start <= z and (end is None or z < end)
     own = lambda area: row["area"] in ("all", area.replace("pixels", "obstacle"))
     errors, relative, resting, flickers, steps = [], [], 0, 0, []
-    scored, knowns, wrongs = 0, 0, 0
+    scored, knowns, unknowns, wrongs = 0, 0, 0, 0
     for (algorithm, _, _), track in tracks.items():
         if algorithm != row["algorithm"]:
             continue
-        for area, truth, reported, known, wrong in track:
+        for area, truth, reported, known, verdict in track:
             if own(area) and inside(truth):
-                scored, knowns, wrongs = scored + 1, knowns + known, wrongs + wrong
+                scored, knowns = scored + 1, knowns + known
+                unknowns, wrongs = unknowns + (verdict == "unknown"), wrongs + (verdict == "wrong")
             if own(area) and reported is not None and inside(truth):
                 errors.append(reported - truth)
                 relative.append(abs(reported - truth) / truth)
@@ -58,8 +59,8 @@ for row in table("accuracy.csv"):
     assert int(row["cells"]) == len(errors) and int(row["resting"]) == resting, row
     assert int(row["scored"]) == scored and int(row["known"]) == knowns, row
     expected = {"flicker": flickers / resting if resting and len(errors) else None}
-    expected["fill"] = knowns / scored
-    expected["wrong"] = wrongs / knowns if knowns else None
+    expected["fill"] = 1 - unknowns / scored if scored else None
+    expected["wrong"] = wrongs / scored if scored else None
     expected["noise_m"] = np.sqrt(np.mean(np.square(steps)) / 2) if steps else None
     if len(errors):
         expected["bias_m"] = errors.mean()

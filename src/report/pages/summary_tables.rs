@@ -39,7 +39,7 @@ const SPEED: [TextColumn<AlgorithmSummary>; 14] = [
 const ACCURACY: [TextColumn<AccuracyRow>; 12] = [
     ("", "algorithm", |row| row.algorithm.clone()),
     ("", "true m", |row| row.range_words()),
-    ("", "errors", |row| row.cells.to_string()),
+    ("", "scored", |row| row.scored.to_string()),
     ("", "fill %", |row| percent(row.fill)),
     ("", "wrong %", |row| percent(row.wrong)),
     ("", "bias m", |row| metres(row.bias_m)),
@@ -125,7 +125,9 @@ fn counted_or_none(cases: u64) -> String {
 }
 
 fn metres(value: Option<f64>) -> String {
-    value.map_or_else(|| NONE.to_owned(), |v| format!("{v:.3}"))
+    // What rounds to 0 has no sign.
+    let shown = |v: f64| format!("{:.3}", (1000.0 * v).round() / 1000.0 + 0.0);
+    value.map_or_else(|| NONE.to_owned(), shown)
 }
 
 /// An interval in brackets; nothing without one.
@@ -145,10 +147,7 @@ pub(crate) fn accuracy_table(title: &str, rows: &[AccuracyRow]) -> Option<Table>
     let mut table = Table::from_items(title, &ACCURACY, rows);
     table.columns[1].is_text = true;
     table.remove_empty_columns();
-    let mut notes = vec![
-        "errors: number with a reported and a true distance",
-        "fill, wrong: known, of those with a true distance; wrong, of the known",
-    ];
+    let mut notes = vec!["fill, wrong: fractions of the scored"];
     if table.columns.iter().any(|column| column.head == "resting") {
         notes.push(
             "noise, flicker: of the resting cells, whose true distance changes by at most 1 % \
@@ -186,7 +185,10 @@ impl Results {
         let title = "Error against distance";
         let pixels = accuracy_table(&format!("{title}: pixels"), &rows(true));
         let pixels = pixels.map(|table| {
-            table.with_notes(&["pixels: about 1200 of each pair, wrong by the tolerance of a cell"])
+            table.with_notes(&[
+                "pixels: about 4800 of each pair, of which those that both cameras see are \
+                 scored; wrong by the tolerance of a cell; the median to a twentieth",
+            ])
         });
         let cells = accuracy_table(title, &rows(false));
         cells.into_iter().chain(pixels).collect()

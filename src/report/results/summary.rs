@@ -627,7 +627,7 @@ impl Results {
         })
     }
 
-    /// A metric of an algorithm's errors at those true distances.
+    /// A metric of an algorithm's cells at those true distances.
     pub(crate) fn error_within(
         &self,
         label: &str,
@@ -635,13 +635,14 @@ impl Results {
         area: AreaChoice,
         range: DistanceRange,
     ) -> Option<Measured> {
-        let MetricOrigin::Cells { number, .. } = metric.origin else {
-            return None;
-        };
         let mut rows = self.accuracy.iter().filter(|row| !row.is_of_pixels);
         let is_asked =
             |row: &&AccuracyRow| row.algorithm == label && row.area == area && row.range() == range;
-        rows.find(is_asked)?.measured(number)
+        let row = rows.find(is_asked)?;
+        match metric.origin {
+            MetricOrigin::Cells { number, .. } => row.measured(number),
+            _ => row.share(metric),
+        }
     }
 
     /// Adds the errors of distances.

@@ -5,14 +5,13 @@
 //! Eigen, Puhrsch and Fergus (Depth Map Prediction from a Single Image, NIPS 2014, section 4.2).
 
 use crate::rows::records::{CellRow, record};
-use crate::show::words::digits;
 use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::doubt::rounded;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellRule, CellState};
 use svl_score::bootstrap::Sample;
-use svl_score::judge::{AreaChoice, Cases, CellNumber, Measured, Verdict};
+use svl_score::judge::{AreaChoice, Cases, CellNumber, Measured, Metric, Verdict};
 use svl_score::manifest::Manifest;
 use svl_score::pixel_errors::{PixelErrors, narrow_from_m, narrow_range};
 use svl_score::scenario::{DistanceRange, Limit, RangeEnds};
@@ -34,8 +33,11 @@ record! {
         algorithm: String,
         /// The cells: obstacle (with pixels), floor, beyond, or all.
         area: AreaChoice,
-        /// True if it is of pixels, about 1200 of each pair, in place of cells.
+        /// True if it is of pixels, in place of cells: of about 4800 of each pair, of which
+        /// those that both cameras see are scored.
         is_of_pixels: bool,
+        /// True if a limit asks for the range, beside those of the run.
+        is_of_limit: bool,
         /// Least true distance.
         from_m: f64,
         /// True distances are nearer; absent for the last range and for all.
@@ -46,16 +48,18 @@ record! {
         known: u64,
         /// Number of scored ones with a true distance.
         scored: u64,
-        /// Fraction of the scored that are known.
+        /// Mean true distance of the scored.
+        mean_true_m: Option<f64>,
+        /// Fraction of the scored that are right or wrong, and not unknown.
         fill: Option<f64>,
-        /// Fraction of the known that are wrong: cells by their verdict, pixels that are off by more
-        /// than the tolerance of a right cell.
+        /// Fraction of the scored that are wrong: cells by their verdict, pixels that are off by
+        /// more than the tolerance of a right cell.
         wrong: Option<f64>,
         /// Mean of reported minus true distance.
         bias_m: Option<f64>,
         /// Root of the mean squared error.
         rmse_m: Option<f64>,
-        /// Median absolute error, by nearest rank; of pixels to about a tenth.
+        /// Median absolute error, by nearest rank; of pixels to a twentieth.
         median_error_m: Option<f64>,
         /// Mean of the absolute error over the true distance, a fraction.
         abs_rel: Option<f64>,
@@ -114,22 +118,29 @@ impl AccuracyRow {
 
     /// The same in words.
     pub(crate) fn range_words(&self) -> String {
-        // Three digits that count, without zeros behind them.
-        let short = |m: f64| {
-            let text = digits(Some(m));
-            rounded(text.parse().unwrap_or(m))
-        };
+        let limit = if self.is_of_limit { " (gate)" } else { "" };
         match self.to_m {
             None if self.is_of_all() => "all".to_owned(),
-            None => format!("from {}", short(self.from_m)),
-            Some(to_m) => format!("{}–{}", short(self.from_m), short(to_m)),
+            None => format!("from {}{limit}", rounded(self.from_m)),
+            Some(to_m) => format!("{}–{}{limit}", rounded(self.from_m), rounded(to_m)),
         }
     }
 
-    /// Middle of the range on a logarithmic scale, metres.
-    pub(crate) fn middle_m(&self) -> f64 {
-        let to_m = self.to_m.unwrap_or(2.0 * self.from_m);
-        (self.from_m.max(to_m / 2.0) * to_m).sqrt()
+    /// A share of cells that right, wrong, unknown and known are of.
+    pub(crate) fn share(&self, metric: &Metric) -> Option<Measured> {
+        let (fill, wrong) = (self.fill?, self.wrong?);
+        let value = match metric.name {
+            "right" => fill - wrong,
+            "wrong" => wrong,
+            "known" => fill,
+            "unknown" => 1.0 - fill,
+            _ => return None,
+        };
+        let cases = Cases {
+            cells: Some(self.scored),
+            ..Cases::none()
+        };
+        Some(Measured { value, cases })
     }
 
     /// True for the row of all distances.
@@ -141,37 +152,34 @@ impl AccuracyRow {
     fn from_pixels(algorithm: &str, pixels: &PixelErrors, range: DistanceRange) -> Self {
         let sums = pixels.sums(range);
         let cells = sums.errors();
-        let mean = |sum: f64| (cells > 0).then(|| sum / cells as f64);
+        let mean = |sum: f64| ratio(sum, cells);
         Self {
             algorithm: algorithm.to_owned(),
             area: AreaChoice::All,
             is_of_pixels: true,
             cells,
             known: sums.known,
-            scored: sums.scored,
-            wrong: share(sums.wrong, sums.known),
+            mean_true_m: ratio(sums.true_m, sums.scored),
+            fill: share(sums.known, sums.scored),
+            wrong: share(sums.wrong, sums.scored),
             bias_m: mean(sums.errors_m),
             rmse_m: mean(sums.squares_m2).map(f64::sqrt),
             median_error_m: sums.median_m(),
             abs_rel: mean(sums.relative),
-            ..Self::new(range, sums.scored, sums.known)
-        }
-    }
-
-    fn new(range: DistanceRange, scored: u64, known: u64) -> Self {
-        Self {
+            scored: sums.scored,
             from_m: range.from_m,
             to_m: range.to_m,
-            scored,
-            known,
-            fill: share(known, scored),
             ..Self::default()
         }
     }
 }
 
 fn share(part: u64, whole: u64) -> Option<f64> {
-    (whole > 0).then(|| part as f64 / whole as f64)
+    ratio(part as f64, whole)
+}
+
+fn ratio(sum: f64, cases: u64) -> Option<f64> {
+    (cases > 0).then(|| sum / cases as f64)
 }
 
 /// The ranges by which the errors of a run are told apart.
@@ -205,21 +213,25 @@ impl RunRanges {
 
     /// All distances, then the ranges of the scenario, or else those of equal counts, and those of
     /// limits.
-    pub(crate) fn in_order(&self, tally: &AccuracyTally) -> Vec<DistanceRange> {
+    pub(crate) fn in_order(&self, tally: &AccuracyTally) -> Vec<AskedRange> {
         let mut ranges = vec![DistanceRange::ALL];
         if self.ends.is_empty() {
             ranges.extend(tally.equal_ranges());
         } else {
             ranges.extend(between(self.ends.metres()));
         }
+        let mut asked: Vec<_> = ranges.into_iter().map(|range| (range, false)).collect();
         for range in &self.limited {
-            if !ranges.contains(range) {
-                ranges.push(*range);
+            if asked.iter().all(|(own, _)| own != range) {
+                asked.push((*range, true));
             }
         }
-        ranges
+        asked
     }
 }
+
+/// A range, and whether a limit alone asks for it.
+pub(crate) type AskedRange = (DistanceRange, bool);
 
 /// The ranges that end at ascending distances, and the one beyond.
 fn between(ends_m: &[f64]) -> Vec<DistanceRange> {
@@ -237,9 +249,12 @@ pub(crate) struct RangeErrors {
     /// Reported minus true distances.
     errors_m: Vec<f32>,
     relative: f64,
-    /// Scored cells with a true distance, those of them that are known, and the wrong ones.
+    /// Scored cells with a true distance, the sum of these, and the cells that are known, unknown by
+    /// their verdict, and wrong.
     scored: u64,
+    sum_true_m: f64,
     known: u64,
+    unknown: u64,
     wrong: u64,
     resting: u64,
     flickers: u64,
@@ -274,7 +289,7 @@ pub(crate) struct AccuracyTally {
 }
 
 /// A narrow range: its number, and that of the ends of ranges that are not farther.
-type NarrowRange = (u32, usize);
+type NarrowRange = (usize, usize);
 
 /// The errors of an algorithm.
 #[derive(Default)]
@@ -344,6 +359,8 @@ impl AccuracyTally {
                 let errors = own.areas[area as usize].entry(range).or_default();
                 errors.true_m = true_m;
                 errors.scored += 1;
+                errors.sum_true_m += true_m;
+                errors.unknown += u64::from(!is_answer);
                 errors.known += u64::from(is_known);
                 errors.wrong += u64::from(cell.verdict == Verdict::Wrong);
                 if let Some(reported_m) = reported_m {
@@ -382,7 +399,7 @@ impl AccuracyTally {
     /// headline's area, if there are any, else of all.
     fn equal_ranges(&self) -> Vec<DistanceRange> {
         let counts_in = |area: AreaChoice| {
-            let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
+            let mut counts: BTreeMap<usize, u64> = BTreeMap::new();
             let own = self.algorithms.values();
             for ((range, _), errors) in own.flat_map(|own| &own.areas[area as usize]) {
                 *counts.entry(*range).or_default() += errors.scored;
@@ -406,28 +423,31 @@ impl AccuracyTally {
 
     /// Per algorithm, in the order of the labels, and per area the errors of all distances and of
     /// each range that has any; then those of its pixels.
-    pub(crate) fn into_rows(
-        mut self,
-        labels: &[&str],
-        ranges: &[DistanceRange],
-    ) -> Vec<AccuracyRow> {
+    pub(crate) fn into_rows(mut self, labels: &[&str], ranges: &[AskedRange]) -> Vec<AccuracyRow> {
         let mut rows = Vec::new();
         for label in labels {
             let Some(all) = self.algorithms.remove(*label) else {
                 continue;
             };
-            for (area, own) in AreaChoice::ALL.into_iter().zip(all.areas) {
-                for range in ranges {
-                    let inside = own.values().filter(|errors| range.has(errors.true_m));
-                    let errors = RangeErrors::merged(inside);
-                    if errors.scored > 0 {
-                        rows.push(errors.into_row(label, area, *range));
-                    }
+            let mut push = |row: &dyn Fn(DistanceRange) -> AccuracyRow| {
+                let own = ranges.iter().map(|&(range, is_of_limit)| AccuracyRow {
+                    is_of_limit,
+                    ..row(range)
+                });
+                rows.extend(own);
+            };
+            for (area, own) in AreaChoice::ALL.into_iter().zip(&all.areas) {
+                let inside = |range: DistanceRange| {
+                    let own = own.values();
+                    RangeErrors::merged(own.filter(|errors| range.has(errors.true_m)))
+                };
+                if !own.is_empty() {
+                    push(&|range| inside(range).into_row(label, area, range));
                 }
             }
-            let pixels = ranges.iter();
-            let pixels = pixels.map(|range| AccuracyRow::from_pixels(label, &all.pixels, *range));
-            rows.extend(pixels.filter(|row| row.scored > 0));
+            if !all.pixels.is_empty() {
+                push(&|range| AccuracyRow::from_pixels(label, &all.pixels, range));
+            }
         }
         rows
     }
@@ -445,6 +465,8 @@ impl RangeErrors {
             all.followers.extend(&own.followers);
             all.relative += own.relative;
             all.scored += own.scored;
+            all.sum_true_m += own.sum_true_m;
+            all.unknown += own.unknown;
             all.known += own.known;
             all.wrong += own.wrong;
             all.resting += own.resting;
@@ -541,7 +563,13 @@ impl RangeErrors {
             algorithm: label.to_owned(),
             area,
             cells,
-            wrong: share(self.wrong, self.known),
+            scored: self.scored,
+            known: self.known,
+            from_m: range.from_m,
+            to_m: range.to_m,
+            mean_true_m: ratio(self.sum_true_m, self.scored),
+            fill: share(self.scored - self.unknown, self.scored),
+            wrong: share(self.wrong, self.scored),
             bias_m,
             rmse_m: square.map(f64::sqrt),
             median_error_m: nearest_rank(&self.errors_m, 0.5).map(f64::from),
@@ -554,7 +582,7 @@ impl RangeErrors {
                 .then(|| (self.squares / (2.0 * self.resting_cells as f64)).sqrt()),
             flicker: (self.resting > 0 && cells > 0)
                 .then(|| self.flickers as f64 / self.resting as f64),
-            ..AccuracyRow::new(range, self.scored, self.known)
+            ..AccuracyRow::default()
         }
     }
 }
@@ -592,7 +620,10 @@ mod tests {
         assert_eq!(scored[0], 100);
         assert_eq!(scored[1..].iter().sum::<u64>(), 100);
         assert!(scored.len() == 6 && scored[1..].iter().all(|n| (17..=23).contains(n)));
-        assert_eq!((equal[1].fill, equal[1].wrong), (Some(0.95), Some(0.0)));
+        assert_eq!(
+            (equal[1].fill, equal[1].wrong),
+            (share(scored[1] - 1, scored[1]), Some(0.0))
+        );
         assert_eq!(
             (equal[5].known, equal[5].wrong),
             (scored[5], Some(1.0 / scored[5] as f64))
@@ -605,7 +636,7 @@ mod tests {
         let counts = rows(&asked)
             .into_iter()
             .map(|row| (row.range_words(), row.scored));
-        let words = ["all", "0–1.7", "1.7–5", "from 5", "0–5"].map(str::to_owned);
+        let words = ["all", "0–1.7", "1.7–5", "from 5", "0–5 (gate)"].map(str::to_owned);
         assert_eq!(
             counts.collect::<Vec<_>>(),
             words
@@ -623,7 +654,9 @@ mod tests {
             for stamp_ns in stamps {
                 tally.add(stamp_ns, std::slice::from_ref(&cell));
             }
-            let row = tally.into_rows(&["v3"], &[DistanceRange::ALL]).remove(0);
+            let row = tally
+                .into_rows(&["v3"], &[(DistanceRange::ALL, false)])
+                .remove(0);
             (row.frames, row.resting_cells, row.noise_m, row.flicker)
         };
         assert_eq!(resting([Some(0), Some(9)]), (2, 1, Some(0.0), Some(0.0)));

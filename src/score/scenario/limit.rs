@@ -20,7 +20,7 @@ pub struct Limit {
     pub checkpoint: Option<u32>,
     /// The cells that a metric of scored cells is of, in place of the headline's.
     pub area: Option<AreaChoice>,
-    /// The true distances that an error of distances is of, in place of all.
+    /// The true distances that errors and shares of cells are of, in place of all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<DistanceRange>,
     /// The algorithm whose median time is the unit; or [`PRIOR`], whose value is subtracted.
@@ -59,6 +59,12 @@ fn metric<'de, D: Deserializer<'de>>(
 fn names(has: impl Fn(&Metric) -> bool) -> String {
     let own = METRICS.iter().filter(|metric| has(metric));
     joined(own.map(|metric| metric.name))
+}
+
+/// True for a metric that is known by range of the true distance.
+fn has_ranges(metric: &Metric) -> bool {
+    let shares = ["right", "wrong", "unknown", "known"];
+    matches!(metric.origin, MetricOrigin::Cells { .. }) || shares.contains(&metric.name)
 }
 
 impl Limit {
@@ -185,9 +191,8 @@ impl Limit {
             &format!("relative_to = \"prior\" belongs to {own}")
         } else if self.area.is_some() && !metric.by_area {
             &format!("area belongs to {}", names(|metric| metric.by_area))
-        } else if self.range.is_some() && !matches!(metric.origin, MetricOrigin::Cells { .. }) {
-            let is_error = |metric: &Metric| matches!(metric.origin, MetricOrigin::Cells { .. });
-            &format!("range belongs to {}", names(is_error))
+        } else if self.range.is_some() && !has_ranges(metric) {
+            &format!("range belongs to {}", names(has_ranges))
         } else if self.checkpoint.is_some() && !matches!(metric.origin, MetricOrigin::Checkpoints) {
             "checkpoint belongs to metric = \"passed\""
         } else {

@@ -7,7 +7,6 @@ use crate::show::plot::bars::Bars;
 use crate::show::plot::chart::{Axis, Chart};
 use crate::show::plot::series::{AlgorithmColors, Series, SeriesStyle};
 use crate::show::plot::strips::Strips;
-use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::reliability::{ABOUT, ReliabilityRow, reliability_chart};
 use crate::subjects::speed::STAGES;
 use crate::subjects::stress::{NUMBERS, kinds};
@@ -296,20 +295,15 @@ pub(crate) fn accuracy(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<P
         let own = summary.accuracy.iter();
         let own = own.filter(|row| row.algorithm == a.algorithm);
         let own = own.filter(|row| row.area == summary.basis.area && !row.is_of_pixels);
-        let own: Vec<_> = own.filter(|row| !row.is_of_all()).collect();
-        // A limit's range may hold several others.
-        let holds_other = |row: &AccuracyRow| {
-            let mut others = own.iter().filter(|other| ***other != *row);
-            others.any(|other| row.range().has(other.middle_m()))
-        };
-        let own = own.iter().filter(|row| !holds_other(row));
-        let points = own.filter_map(|row| Some((row.middle_m(), row.median_error_m?)));
+        let own = own.filter(|row| !row.is_of_all() && !row.is_of_limit);
+        let points = own.filter_map(|row| Some((row.mean_true_m?, row.median_error_m?)));
         let points = points.filter(|(_, error_m)| *error_m > 0.0);
         Series::new(&a.algorithm, SeriesStyle::Both, points)
     });
     let [x, y] = ["true distance, m", "median error, m"].map(Axis::log);
     let chart = Chart::untitled(x, y, series).if_any();
-    let about = "Median absolute error of the cells in each range of true distances.";
+    let about =
+        "Median absolute error of the cells in each range of true distances, at their mean.";
     let plot = |chart: Chart| PlotView::new("Median error of cells", about, chart.svg_in(colors));
     chart.map(plot).into_iter().collect()
 }
