@@ -18,7 +18,9 @@ use svl::evaluation::{
     Again, Algorithms, ChosenViewer, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard,
 };
 use svl::outputs::{Outputs, write};
-use svl::report::{BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit};
+use svl::report::{
+    BuildOptions, BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit,
+};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
@@ -232,10 +234,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             (false, false) => Again::Missing,
         },
         prune: args.prune,
-        area: args.area.area,
-        sort: args.sort,
-        gate: args.gate,
-        figures: args.figures.as_deref(),
+        shown: BuildOptions {
+            area: args.area.area,
+            sort: args.sort,
+            gate: args.gate,
+            figures: args.figures.as_deref(),
+            ..BuildOptions::default()
+        },
         viewer: chosen_viewer(args, &folder)?,
     };
     junit.outputs.begin()?;
