@@ -73,7 +73,7 @@ impl SharedFrame {
         Self {
             truth: judged.true_cells.as_ref().map(marks),
             end_px: match frame.truth {
-                Some(_) => nearness.near_px() as f32,
+                Some(_) => nearness.near_px as f32,
                 None => color_end(judged),
             },
             frame: frame.clone(),
@@ -446,7 +446,7 @@ fn color_end(judged: &Judged) -> f32 {
         .collect();
     let end_px = truth.and_then(|truth| overlay::color_end(&[truth]));
     let end_px = end_px.or_else(|| overlay::color_end(&maps));
-    end_px.unwrap_or_else(|| Nearness::for_frame(&judged.frame).near_px() as f32)
+    end_px.unwrap_or_else(|| Nearness::for_frame(&judged.frame).near_px as f32)
 }
 
 /// A scene with the results of the pictured algorithms.

@@ -7,7 +7,7 @@ use super::view::Candidates;
 /// The four walls, then blocks, then balls, in the order of the configuration.
 pub(super) struct Objects {
     names: Vec<String>,
-    solids: Vec<Solid>,
+    pub(super) solids: Vec<Solid>,
 }
 
 /// Walls of the arena: the first objects.
@@ -32,10 +32,6 @@ impl Objects {
                 .chain(world.balls.iter().map(Solid::ball))
                 .collect(),
         }
-    }
-
-    pub(super) fn solids(&self) -> &[Solid] {
-        &self.solids
     }
 
     pub(super) fn named(&self) -> impl Iterator<Item = (&str, &Solid)> {

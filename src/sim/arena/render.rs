@@ -84,7 +84,7 @@ impl SharpImage {
             scene,
             view,
             lens,
-            candidates: Candidates::new(view, scene.objects.solids(), size),
+            candidates: Candidates::new(view, &scene.objects.solids, size),
         };
         let nothing = Hit {
             t: f32::INFINITY,
@@ -141,7 +141,7 @@ pub(super) fn disparity(
     rig: &Rig,
     (width, height): (usize, usize),
 ) -> svl_core::Result<Plane<f32>> {
-    let candidates = Candidates::new(view, scene.objects.solids(), (width, height));
+    let candidates = Candidates::new(view, &scene.objects.solids, (width, height));
     let focal_baseline = (rig.focal_px() * rig.baseline_m()) as f32;
     let mut disparity = vec![0.0; width * height];
     let rows = disparity.par_chunks_exact_mut(width).enumerate();
@@ -167,7 +167,7 @@ pub(super) fn truth(
 ) -> svl_core::Result<Truth> {
     let width = left.width;
     let size = (width, left.hits.len() / width);
-    let candidates = Candidates::new(right_view, scene.objects.solids(), size);
+    let candidates = Candidates::new(right_view, &scene.objects.solids, size);
     let focal_baseline = (rig.focal_px() * rig.baseline_m()) as f32;
     let to_right = left_view.origin - right_view.origin;
     let mut disparity = vec![f32::INFINITY; left.hits.len()];

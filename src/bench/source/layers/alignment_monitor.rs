@@ -160,7 +160,7 @@ pub fn only_pair(source: Box<dyn Source>, range: RangeInclusive<i32>) -> Result<
     let name = monitor.name();
     let meter = &monitor.alignment.meter;
     if meter.alignment().is_none() && monitor.doubt().is_none() {
-        let points = meter.matches().len();
+        let points = meter.matches.len();
         tracing::warn!("{name}: alignment not measured ({points} points)");
     }
     let skew_ns = frame.exposure.skew_ns.unwrap_or_default();

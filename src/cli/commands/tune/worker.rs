@@ -335,7 +335,7 @@ impl Bench {
             while !is_interrupted() && sampler.step()? {}
         }
         let frames: Vec<_> = match &self.sampler {
-            Some(sampler) => sampler.frames().to_vec(),
+            Some(sampler) => sampler.frames.to_vec(),
             None => self.seen.iter().cloned().collect(),
         };
         shared.0.lock().shown.sample.frames = frames.len();

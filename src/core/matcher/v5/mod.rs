@@ -363,7 +363,7 @@ impl GapSampler {
         if let Some(levels) = &mut self.v5.levels {
             levels.follow(&self.v5.settings, pair, &mut |_| {});
             if let Some((matched, gaps)) = levels.finest_gaps()
-                && matched[0].map.sees()
+                && matched[0].map.sees
             {
                 gaps.sample(isa, matched, take);
             }

@@ -179,7 +179,7 @@ pub(crate) struct RosHeader<'a> {
 }
 
 pub(crate) fn header<'a>(message: &mut MessageReader<'a>) -> Parsed<RosHeader<'a>> {
-    if !message.is_cdr() {
+    if !message.is_cdr {
         let _sequence = message.u32()?;
     }
     let stamp = RosTime {

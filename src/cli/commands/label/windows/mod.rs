@@ -106,7 +106,7 @@ fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> a
                 let truth = frame.truth.as_ref()?;
                 true_label(kind, truth, at, side, range_px)
             };
-            windows.corners().iter().map(is_near).collect::<Vec<_>>()
+            windows.corners.iter().map(is_near).collect::<Vec<_>>()
         });
         let is_known = frame.truth.as_ref().is_some_and(|t| t.surface.is_some());
         labels.map(|labels| {
