@@ -68,21 +68,21 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13358),
+    ("bench", 13302),
     ("c", 470),
-    ("calibrate", 4981),
-    ("cli", 10909),
-    ("core", 19627),
-    ("files", 2566),
-    ("grab", 5156),
+    ("calibrate", 4972),
+    ("cli", 10908),
+    ("core", 19499),
+    ("files", 2557),
+    ("grab", 5150),
     ("live", 419),
     ("python", 323),
-    ("recording", 14010),
+    ("recording", 13960),
     ("report", 13952),
     ("score", 8651),
-    ("sim", 3534),
-    ("thesis", 2664),
-    ("train", 3406),
+    ("sim", 3531),
+    ("thesis", 2649),
+    ("train", 3381),
     ("viewer", 1781),
 ];
 
