@@ -74,8 +74,8 @@ pub(crate) struct PairReader {
     pub(crate) size: (usize, usize),
     /// The recording's name in warnings.
     pub(crate) name: String,
-    /// What the user was warned of: a changed calibration, a late first one, images without a stamp,
-    /// equal stamps.
+    /// What the user was warned of: a change of the calibration, a late first one, images without a
+    /// stamp, equal stamps.
     pub(crate) warned: BTreeSet<&'static str>,
     /// The last stamp of each camera.
     pub(crate) last_ns: [Option<u64>; 2],
