@@ -143,9 +143,7 @@ impl CellTraining {
             ],
         })
     }
-}
 
-impl CellTraining {
     /// The cells of each scenario and the calibration of their probabilities.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let (steps, confidence) = (self.steps, self.confidence);

@@ -136,17 +136,13 @@ impl RawShot {
     }
 
     fn encoded(&self) -> Result<FrameShot> {
-        let SharedPictures {
-            left,
-            true_preview,
-            end_px,
-        } = self.shared.pictures()?;
+        let pictures = self.shared.pictures()?;
         let truth = self.shared.frame.truth.as_ref();
         let errors = truth.map(|truth| error_picture(&self.disparity, truth, MAX_WIDTH));
         Ok(FrameShot {
-            left: left.clone(),
-            preview: Some(preview(&self.disparity, *end_px, MAX_WIDTH)?),
-            true_preview: true_preview.clone(),
+            left: pictures.left.clone(),
+            preview: Some(preview(&self.disparity, pictures.end_px, MAX_WIDTH)?),
+            true_preview: pictures.true_preview.clone(),
             errors: errors.transpose()?,
             ..self.shot.clone()
         })

@@ -131,10 +131,8 @@ impl PinholeFit {
             BEST
         };
         let scale = (squares / (kept - 2.0).max(1.0)).sqrt().max(best);
-        let (noise_px, weights) = (
-            scale * DISPARITY_PX,
-            rows.iter().map(|row| row.weight).collect(),
-        );
+        let noise_px = scale * DISPARITY_PX;
+        let weights = rows.iter().map(|row| row.weight).collect();
         let covariance = normal
             .try_inverse()
             .map(|inverse| inverse * (scale * scale));

@@ -2,7 +2,7 @@
 //! recordings.
 
 use super::pair_stamps::PairStamps;
-use super::stamp_order::{PairImage, PairImages, ReadImage};
+use super::stamp_order::{ImagePairing, PairImage, PairImages, ReadImage};
 use super::stamp_pairing::UnpairedImages;
 use crate::cameras::topics::{self, Selection, choose};
 use crate::decode::image;
@@ -12,7 +12,6 @@ use crate::message::{MessageError, MessageResult, geometry};
 
 use super::calibration_wait::CalibrationWait;
 use super::own_topics::OwnTopics;
-use super::stamp_order::ImagePairing;
 use super::steps::StepWatch;
 use super::stream_facts::{CameraFacts, StreamFacts};
 use crate::cameras::baseline::BaselineSearch;

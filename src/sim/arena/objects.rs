@@ -60,12 +60,7 @@ impl Objects {
 
 /// The arena's walls, inner faces on the floor's border.
 fn walls(world: &WorldConfig) -> [Block; 4] {
-    let WorldConfig {
-        width_m: w,
-        length_m: l,
-        wall_height_m: h,
-        ..
-    } = *world;
+    let (w, l, h) = (world.width_m, world.length_m, world.wall_height_m);
     let wall = |name: &str, at_m, length: f64, heading_deg| Block {
         name: name.into(),
         at_m,

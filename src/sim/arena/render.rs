@@ -106,11 +106,9 @@ impl SharpImage {
             .enumerate()
             .for_each(|(y, radiance)| {
                 let row = |y: usize| &hits[y * width..][..width];
-                let (above, here, below) = (
-                    row(y.saturating_sub(1)),
-                    row(y),
-                    row((y + 1).min(height - 1)),
-                );
+                let above = row(y.saturating_sub(1));
+                let here = row(y);
+                let below = row((y + 1).min(height - 1));
                 for (x, value) in radiance.iter_mut().enumerate() {
                     let own = here[x].surface;
                     let around = [

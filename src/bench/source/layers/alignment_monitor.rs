@@ -6,8 +6,7 @@ use svl_core::doubt::{AlignmentCure, Doubt};
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::{Frame, Geometry, Rig, StereoPair};
 use svl_core::{Error, Result};
-use svl_recording::Selection;
-use svl_recording::warn_of;
+use svl_recording::{Selection, warn_of};
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, if
 /// their images are turned, exchanged or one picture, or beyond the range that is searched.

@@ -210,9 +210,7 @@ impl SourceFacts {
             },
         })
     }
-}
 
-impl SourceFacts {
     /// The contradictions of calibration, pairs and truths.
     pub(super) fn all_doubts(&self) -> impl Iterator<Item = &Doubt> {
         let truths = self.truths.iter().flat_map(|truth| &truth.doubts);

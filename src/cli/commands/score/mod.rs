@@ -325,13 +325,9 @@ impl<'a> JunitFile<'a> {
 
 /// Prints the report, and checks the limits that were asked for.
 fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> anyhow::Result<()> {
-    let Evaluation {
-        report,
-        ran,
-        session,
-    } = evaluated;
-    let Some(report) = report else {
-        ran?;
+    let session = evaluated.session;
+    let Some(report) = evaluated.report else {
+        evaluated.ran?;
         let folder = folder.display();
         return print(&format!(
             "{folder}: this shard is complete; the last of the others builds the report, or `svl \
@@ -345,7 +341,7 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
     if session.is_none() && args.asks_for_rerun() {
         tracing::warn!("nothing was matched, so Rerun shows nothing; --force matches all again");
     }
-    ran?;
+    evaluated.ran?;
     let BuiltReport { summary, gate, .. } = report;
     match (args.gate, args.check) {
         (true, _) => pass_gate(&gate)?,

@@ -230,17 +230,11 @@ fn choice_of(model: V5Model, parameters: &Parameters) -> SafeChoice {
         confidence => table.known_from(confidence),
     };
     let (table, levels, near) = if parameters.choice("target") == "median" {
-        let LevelTables {
-            finest,
-            middle,
-            coarsest,
-            small,
-        } = model.levels;
         let levels = LevelTables {
-            finest: known(finest),
-            middle: known(middle),
-            coarsest: known(coarsest),
-            small: known(small),
+            finest: known(model.levels.finest),
+            middle: known(model.levels.middle),
+            coarsest: known(model.levels.coarsest),
+            small: known(model.levels.small),
         };
         (model.median, Some(Box::new(levels)), Some(model.near))
     } else {

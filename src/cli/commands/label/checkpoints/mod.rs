@@ -7,10 +7,9 @@ mod scenario_file;
 mod tool;
 
 use super::input::{LabelInput, stepper};
-use crate::cli::shared::source;
 use crate::cli::shared::stepper::{StepSession, Stepper};
-use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
+use crate::cli::shared::{source, usage};
 use anyhow::bail;
 use draft::{Draft, DraftFile};
 use ratatui::layout::Rect;

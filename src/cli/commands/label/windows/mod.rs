@@ -4,10 +4,9 @@ mod tool;
 
 use super::input::{LabelInput, stepper};
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::source;
 use crate::cli::shared::stepper::{Ended, StepSession};
 use crate::cli::shared::terminal::print;
-use crate::cli::shared::usage;
+use crate::cli::shared::{source, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
