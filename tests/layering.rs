@@ -170,16 +170,15 @@ const PACKAGES: [Package; 15] = [
         root: "thesis/lib.rs",
         layers: &[
             &["checks", "finding", "stage"],
-            &["distance", "measure", "page", "speed", "stressed"],
+            &["distance", "measure", "page", "speed"],
             &[
                 "closeness",
                 "filters",
                 "hashing",
-                "light",
-                "misalignment",
                 "points",
                 "situations",
                 "smoothing",
+                "stressed",
                 "texture",
                 "validity",
             ],

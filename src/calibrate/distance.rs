@@ -1,10 +1,9 @@
 //! Disparity of a target at a known distance (thesis, annex B): "each measure is the median of the
 //! values of at least three sectors where the target was present".
 
-use svl_core::counted;
 use svl_core::statistics::midpoint_median;
 use svl_core::stereo::{Cell, DepthGrid, GridShape};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 
 /// Fewest cells that must show the target.
 pub const MIN_CELLS: usize = 3;

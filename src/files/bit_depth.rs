@@ -15,13 +15,14 @@ use svl_core::{Error, Result};
 #[derive(Clone, Debug)]
 pub struct BitDepth {
     /// `None` for images of 8 bits.
-    bits: Option<u8>,
+    pub bits: Option<u8>,
     /// Grey is the value less `low`, shifted to the right.
     low: u16,
     shift: u32,
     /// The quantiles that decided.
     by: Option<Quantiles>,
-    doubts: Vec<Doubt>,
+    /// The doubts about the values of 16-bit images.
+    pub doubts: Vec<Doubt>,
     warned: bool,
 }
 
@@ -68,16 +69,6 @@ impl BitDepth {
             doubts: levels.doubts(),
             warned: false,
         })
-    }
-
-    /// The bits used by 16-bit images.
-    pub fn bits(&self) -> Option<u8> {
-        self.bits
-    }
-
-    /// The doubts about the values of 16-bit images.
-    pub fn doubts(&self) -> &[Doubt] {
-        &self.doubts
     }
 
     /// The conversion of 16-bit values to grey levels, with the reason.
@@ -204,9 +195,9 @@ mod tests {
             (65_535, 16, 255),
         ] {
             let mut depth = decided(None, largest, &[]);
-            assert_eq!(depth.bits(), Some(bits), "{largest}");
+            assert_eq!(depth.bits, Some(bits), "{largest}");
             assert_eq!(depth.note().is_some(), bits < 16);
-            assert!(depth.doubts().is_empty());
+            assert!(depth.doubts.is_empty());
             let (pair, _) = depth.pair(deep(largest)).unwrap();
             assert_eq!(pair.right().get(0, 0), grey, "{largest}");
         }
@@ -219,7 +210,7 @@ mod tests {
     fn hot_pixels_decide_nothing_and_a_narrow_range_is_spread() {
         let mut depth = decided(None, 1000, &[65_535; 5]);
         let (grey, _) = depth.grey(deep(1000)[1].clone());
-        assert_eq!((depth.bits(), grey.get(0, 0)), (Some(10), 250));
+        assert_eq!((depth.bits, grey.get(0, 0)), (Some(10), 250));
         // 98 % of 7000 to 7509, and a margin of half of that range on each side.
         let thermal = |x: usize, y: usize| 7000 + ((x + 100 * y) * 510 / 10_000) as u16;
         let image = DecodedImage::Gray16(Plane::from_fn(100, 100, thermal).unwrap());
@@ -235,10 +226,10 @@ mod tests {
     #[test]
     fn the_user_overrides_and_8_bits_need_no_decision() {
         let depth = decided(Some(16), 100, &[]);
-        assert_eq!((depth.bits(), depth.note()), (Some(16), None));
+        assert_eq!((depth.bits, depth.note()), (Some(16), None));
         // Endless: only the first pair is read.
         let endless = || GreyLevels::from_pairs(std::iter::repeat_with(|| [gray(3), gray(4)]));
-        assert_eq!(BitDepth::decide(None, &endless()).unwrap().bits(), None);
+        assert_eq!(BitDepth::decide(None, &endless()).unwrap().bits, None);
         let refused = BitDepth::decide(Some(12), &endless());
         assert!(refused.unwrap_err().to_string().contains("8 bits"));
     }

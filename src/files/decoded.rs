@@ -133,10 +133,8 @@ impl SideBySide {
     /// The doubt about halves of that size.
     pub fn doubt(self, (width, height): (usize, usize)) -> Option<Doubt> {
         let shape = width as f64 / height as f64;
-        let (cure, usual) = (
-            PairCure::Halves { width, height },
-            [*SHAPES.start(), *SHAPES.end()],
-        );
+        let cure = PairCure::Halves { width, height };
+        let usual = [*SHAPES.start(), *SHAPES.end()];
         let doubt = cure.doubt(Subject::Pairs, "width_of_height", shape, usual);
         (!SHAPES.contains(&shape)).then_some(doubt)
     }

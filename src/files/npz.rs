@@ -36,13 +36,8 @@ pub(super) fn alone(path: &Path) -> Result<(Plane<f32>, bool)> {
 }
 
 fn array(mut file: impl Read) -> Result<(Plane<f32>, bool), MapFault> {
-    let NpyHeader {
-        number,
-        big_endian,
-        fortran,
-        width,
-        height,
-    } = NpyHeader::read(&mut file)?;
+    let header = NpyHeader::read(&mut file)?;
+    let (number, width, height) = (header.number, header.width, header.height);
     // No overflow: sides are at most MAX_SIDE.
     let item = number.bytes();
     let expected = width * height * item;
@@ -57,12 +52,12 @@ fn array(mut file: impl Read) -> Result<(Plane<f32>, bool), MapFault> {
         let wrong = ", the array does not have that many".to_owned();
         return Err(MapFault::Bytes(width, height, expected, wrong));
     }
-    if big_endian {
+    if header.big_endian {
         data.chunks_exact_mut(item).for_each(<[u8]>::reverse);
     }
     let values = Plane::from_fn(width, height, |x, y| {
         // Fortran order: columns are contiguous.
-        let index = if fortran {
+        let index = if header.fortran {
             x * height + y
         } else {
             y * width + x

@@ -116,7 +116,7 @@ impl Coordinator {
         // Only now, as a camera failure must not cost a complete pair.
         checked?;
         self.pair_watchdog
-            .on_image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
+            .on_image(side, now_ns, self.timeout_ns, self.pairing.unpaired)
     }
 
     /// After a failure of the other camera: waits for the image in progress, whose partner may
@@ -146,7 +146,7 @@ impl Coordinator {
     fn order(&mut self, side: Side) {
         let number = self.cameras[side as usize].order + 1;
         if number > self.planned.0 {
-            self.planned = (number, self.balance.settings());
+            self.planned = (number, self.balance.settings);
         }
         self.send_order(side, number);
     }
@@ -238,7 +238,7 @@ impl Coordinator {
     fn deliver_pairs(&mut self, next: fn(&mut Pairing) -> Option<[Capture; 2]>) -> Result<()> {
         loop {
             let pair = next(&mut self.pairing);
-            self.tally.lock().unpaired = self.pairing.unpaired();
+            self.tally.lock().unpaired = self.pairing.unpaired;
             match pair {
                 Some(pair) => self.deliver(pair)?,
                 None => return Ok(()),
@@ -286,7 +286,7 @@ impl Coordinator {
         // This may wait for the writer (backpressure), and meanwhile nothing is triggered. The
         // watchdog is reset afterwards, or the wait would count as time without a pair.
         let pushed = self.queue.push(frame);
-        self.pair_watchdog.on_pair(self.pairing.unpaired());
+        self.pair_watchdog.on_pair(self.pairing.unpaired);
         let mut tally = self.tally.lock();
         match pushed {
             Pushed::Taken => {}

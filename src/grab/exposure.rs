@@ -32,7 +32,8 @@ const STEP: usize = 4;
 /// Computes the settings of the next pairs from the brightness of the last ones.
 pub struct Balance {
     limits: Limits,
-    settings: Settings,
+    /// Settings of both cameras.
+    pub settings: Settings,
     every: u32,
     since: u32,
     /// Brightness of the first pair with these settings.
@@ -53,11 +54,6 @@ impl Balance {
             first: None,
             too_bright: None,
         }
-    }
-
-    /// Settings of both cameras.
-    pub fn settings(&self) -> Settings {
-        self.settings
     }
 
     /// Processes a pair that was ordered with `settings`.

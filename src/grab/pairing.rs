@@ -110,7 +110,8 @@ pub const ARRIVAL_BYTES: usize = 1 << 29;
 pub struct Pairing {
     rule: Rule,
     waiting: [VecDeque<Capture>; 2],
-    unpaired: UnpairedCounts,
+    /// Unpaired images so far.
+    pub unpaired: UnpairedCounts,
 }
 
 /// Decision on the two images that have waited longest.
@@ -169,11 +170,6 @@ impl Pairing {
     /// Counts an image that is excluded from pairing.
     pub(super) fn discard(&mut self, reason: Unpaired) {
         self.unpaired[reason as usize] += 1;
-    }
-
-    /// Unpaired images so far.
-    pub fn unpaired(&self) -> UnpairedCounts {
-        self.unpaired
     }
 
     fn pair_heads(&mut self, ended: bool) -> Option<[Capture; 2]> {

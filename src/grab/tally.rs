@@ -108,19 +108,12 @@ impl fmt::Display for Tally {
         if self.stray_pulses > 0 {
             write!(f, "{} more that svl did not request, ", self.stray_pulses)?;
         }
-        let Self {
-            frames: [left, right],
-            pairs,
-            dropped,
-            waited,
-            unread,
-            ..
-        } = self;
+        let [left, right] = self.frames;
         write!(
             f,
             "{left} left and {}, {}; ",
-            counted(*right, "right image"),
-            counted(*pairs, "pair")
+            counted(right, "right image"),
+            counted(self.pairs, "pair")
         )?;
         let unpaired: Vec<_> = self
             .reasons()
@@ -134,11 +127,11 @@ impl fmt::Display for Tally {
         write!(
             f,
             "{} dropped by a full queue, {} for the writer",
-            counted(*dropped, "pair"),
-            counted(*waited, "wait")
+            counted(self.dropped, "pair"),
+            counted(self.waited, "wait")
         )?;
-        if *unread > 0 {
-            write!(f, ", {unread} grabbed beyond the end")?;
+        if self.unread > 0 {
+            write!(f, ", {} grabbed beyond the end", self.unread)?;
         }
         for (name, times) in [("skew", &self.skew_ns), ("latency", &self.latency_ns)] {
             if !times.is_empty() {

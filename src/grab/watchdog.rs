@@ -4,9 +4,8 @@
 use super::pairing::{Unpaired, UnpairedCounts};
 use crate::camera::on_side;
 use crate::camera_error;
-use svl_core::counted;
 use svl_core::stereo::Side;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 
 /// Timeouts in a row after which a camera has failed.
 pub(super) const MAX_MISSES: u32 = 3;

@@ -105,10 +105,8 @@ impl RangerHandle {
             ImageArray::new(right, "right")?,
         ];
         let layout = PixelLayout { bits, is_bgr };
-        let (left, right) = (
-            arrays[0].image("left", layout)?,
-            arrays[1].image("right", layout)?,
-        );
+        let left = arrays[0].image("left", layout)?;
+        let right = arrays[1].image("right", layout)?;
         let answer = py.detach(|| self.answer(left, right, stamp_ns))?;
         answer.arrays(py)
     }

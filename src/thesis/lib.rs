@@ -15,9 +15,7 @@ mod distance;
 mod filters;
 mod finding;
 mod hashing;
-mod light;
 mod measure;
-mod misalignment;
 mod page;
 mod points;
 mod situations;
@@ -66,8 +64,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     closeness::EXPERIMENT,
     validity::EXPERIMENT,
     hashing::EXPERIMENT,
-    light::EXPERIMENT,
-    misalignment::EXPERIMENT,
+    stressed::LIGHT,
+    stressed::MISALIGNMENT,
     points::EXPERIMENT,
     speed::EXPERIMENT,
     filters::spectrum::EXPERIMENT,

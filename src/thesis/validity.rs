@@ -4,6 +4,7 @@
 use super::checks::{Check, matches};
 use super::measure::{Matches, percent};
 use super::{Context, Experiment, Finding, stage};
+use std::iter;
 use svl_core::Result;
 use svl_core::stereo::Frame;
 use svl_report::plot::{Axis, Series, SeriesStyle};
@@ -44,7 +45,7 @@ const MAX_COMPARABLE_DIFFERENCE: f64 = 0.5;
 
 fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let frame = context.frame(&close_object(CLOSE_M), 0)?;
-    let close = KeptMatches::new(&frame)?.values();
+    let close = values(&kept_matches(&frame)?);
     let [[own, ..], [symmetric, ..], .., [letter, ..]] = close;
     finding.quantity("matches that the self check drops", "%", "35", own);
     let as_in_v1 = "matches that the symmetric check drops, as in v1";
@@ -54,14 +55,13 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     finding.why = format!("Before the close object {}", words(&close));
     let mut rows = named(close, "close object");
     approach(context, finding)?;
-    let scenes = context.in_real_scenes(|frame| KeptMatches::new(&frame))?;
-    let views = scenes.iter().map(|(_, scene)| scene.values()).collect();
+    let scenes = context.in_real_scenes(|frame| kept_matches(&frame))?;
+    let views = scenes.iter().map(|(_, scene)| values(scene)).collect();
     plot_both_checks(views, close, finding);
     if !scenes.is_empty() {
         // Pooled: each match counts once, regardless of the size of its scene.
-        let mut pooled = KeptMatches::default();
-        scenes.into_iter().for_each(|(_, scene)| pooled.add(scene));
-        let real = pooled.values();
+        let pooled = scenes.into_iter().map(|(_, scene)| scene);
+        let real = values(&pooled.fold(KeptMatches::default(), pool));
         conditions("In the real scenes", &real, finding);
         finding.why += &format!("; in the real scenes {}", words(&real));
         rows.extend(named(real, "real scenes"));
@@ -100,7 +100,7 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let mut dropped = [[0.0; 3]; APPROACH_M.len()];
     for (ahead_m, dropped) in APPROACH_M.iter().zip(&mut dropped) {
         let frame = context.frame(&close_object(*ahead_m), 0)?;
-        let [[own, ..], [symmetric, ..], .., [letter, ..]] = KeptMatches::new(&frame)?.values();
+        let [[own, ..], [symmetric, ..], .., [letter, ..]] = values(&kept_matches(&frame)?);
         *dropped = [own, symmetric, letter];
     }
     let ([far_m, .., near_m], [[.., far], .., [.., near]]) = (APPROACH_M, dropped);
@@ -143,42 +143,35 @@ fn plot_both_checks(scenes: Vec<CheckValues>, close: CheckValues, finding: &mut 
     finding.chart("What both checks drop", axes, series);
 }
 
-/// The matches of some views: all, and those that each of [`CHECKS`] keeps.
-#[derive(Clone, Debug, Default)]
-struct KeptMatches {
-    all: Matches,
-    kept: [Matches; CHECKS.len()],
-}
+/// The matches of some views: all, then those that each of [`CHECKS`] keeps.
+type KeptMatches = [Matches; 1 + CHECKS.len()];
 
 /// Percentages and ln SSDPIs of each of [`CHECKS`]: matches dropped, mean and median of the rest,
 /// right ones dropped, wrong ones kept.
 type CheckValues = [[f64; 5]; CHECKS.len()];
 
-impl KeptMatches {
-    fn new(frame: &Frame) -> Result<Self> {
-        let keeps = |check| Ok(Matches::new(frame, &matches(&frame.pair, check)?));
-        let (all, mut kept) = (keeps(Check::Nothing)?, <[Matches; CHECKS.len()]>::default());
-        for ((_, check), kept) in CHECKS.iter().zip(&mut kept) {
-            *kept = keeps(*check)?;
-        }
-        Ok(Self { all, kept })
+fn kept_matches(frame: &Frame) -> Result<KeptMatches> {
+    let checks = CHECKS.map(|(_, check)| check);
+    let mut all = KeptMatches::default();
+    for (check, kept) in iter::once(Check::Nothing).chain(checks).zip(&mut all) {
+        *kept = Matches::new(frame, &matches(&frame.pair, check)?);
     }
+    Ok(all)
+}
 
-    fn add(&mut self, other: Self) {
-        self.all.add(other.all);
-        let pairs = self.kept.iter_mut().zip(other.kept);
-        pairs.for_each(|(sum, other)| sum.add(other));
-    }
+fn pool(mut sum: KeptMatches, other: KeptMatches) -> KeptMatches {
+    let pairs = sum.iter_mut().zip(other);
+    pairs.for_each(|(sum, other)| sum.add(other));
+    sum
+}
 
-    fn values(&self) -> CheckValues {
-        let (matches, right) = (self.all.count(), self.all.right);
-        self.kept.each_ref().map(|kept| {
-            let dropped = percent(matches - kept.count(), matches);
-            let [mean, median] = kept.spread();
-            let right = percent(right - kept.right, right);
-            [dropped, mean, median, right, kept.wrong_percent()]
-        })
-    }
+fn values([all, kept @ ..]: &KeptMatches) -> CheckValues {
+    kept.each_ref().map(|kept| {
+        let dropped = percent(all.count() - kept.count(), all.count());
+        let [mean, median] = kept.spread();
+        let right = percent(all.right - kept.right, all.right);
+        [dropped, mean, median, right, kept.wrong_percent()]
+    })
 }
 
 /// The rows of a view.
@@ -234,21 +227,18 @@ mod tests {
             ln_ssdpis: vec![ln_ssdpi; matches],
         };
         let [own, symmetric] = [kept(own, ssdpi[0]), kept(symmetric, ssdpi[1])];
-        let letter = kept(letter, 6.0);
-        KeptMatches {
-            all: kept(100, 6.0),
-            kept: [own, symmetric, letter.clone(), letter.clone(), letter],
-        }
+        let letter = || kept(letter, 6.0);
+        [kept(100, 6.0), own, symmetric, letter(), letter(), letter()]
     }
 
     #[test]
     fn the_thesis_s_numbers_hold() {
         let mut finding = Finding::default();
-        let values = comparison(65, 55, 45, [6.0, 6.4]).values();
-        conditions("There", &values, &mut finding);
+        let found = values(&comparison(65, 55, 45, [6.0, 6.4]));
+        conditions("There", &found, &mut finding);
         assert_eq!(finding.verdict(), ClaimVerdict::Holds);
-        let values = comparison(45, 65, 40, [6.0, 6.6]).values();
-        conditions("There", &values, &mut finding);
+        let found = values(&comparison(45, 65, 40, [6.0, 6.6]));
+        conditions("There", &found, &mut finding);
         assert_eq!(
             finding.conditions.iter().map(|c| c.met).collect::<Vec<_>>(),
             [true, true, true, false, true, false]
@@ -257,10 +247,12 @@ mod tests {
 
     #[test]
     fn scenes_are_pooled_by_matches() {
-        let mut sum = comparison(65, 55, 45, [6.0, 6.4]);
-        sum.add(comparison(85, 35, 25, [7.0, 8.0]));
-        let [[own, ..], [symmetric, ..], .., [letter, ..]] = sum.values();
+        let sum = pool(
+            comparison(65, 55, 45, [6.0, 6.4]),
+            comparison(85, 35, 25, [7.0, 8.0]),
+        );
+        let [[own, ..], [symmetric, ..], .., [letter, ..]] = values(&sum);
         assert_eq!([own, symmetric, letter], [25.0, 55.0, 65.0]);
-        assert_eq!((sum.all.right, sum.kept[0].count()), (200, 150));
+        assert_eq!((sum[0].right, sum[1].count()), (200, 150));
     }
 }

@@ -4,6 +4,7 @@ use super::kinds::{KindCells, ReportedCells, ScoredCell, reliability};
 use super::learned_cells::{LearnedScenario, TableRole, TableSamples};
 use crate::fit::CellFit;
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::collections::HashSet;
 use svl_core::Result;
 use svl_core::depth::decision::{VerdictTable, probability};
@@ -102,16 +103,16 @@ impl CellTraining {
     /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
     /// library.
     pub fn page(tables: &[Self], identity: Vec<(String, String)>) -> Result<String> {
-        let view = TrainingView {
-            tables: tables.iter().map(Self::view).collect(),
-            images: [],
-            identity,
-            incomplete: None,
-        };
+        let view = json!({
+            "tables": tables.iter().map(Self::view).collect::<Vec<_>>(),
+            "images": [],
+            "identity": identity,
+            "incomplete": null,
+        });
         fill(include_str!("cells.html"), "", &[], view)
     }
 
-    fn view(&self) -> TableView<'_> {
+    fn view(&self) -> Value {
         let bins = vec![("cells".to_owned(), self.reliability.clone())];
         let reliability = reliability_chart(bins).unwrap_or_default();
         let points = self.losses.iter().enumerate();
@@ -121,12 +122,12 @@ impl CellTraining {
             Axis::new("logistic loss, held out"),
             [Series::new("loss", SeriesStyle::Both, points)],
         );
-        TableView {
-            words: self.table.words(),
-            training: self,
-            scenarios: self.scenario_table(),
-            kinds: KindCells::table(&self.kinds),
-            charts: [
+        json!({
+            "words": self.table.words(),
+            "training": self,
+            "scenarios": self.scenario_table(),
+            "kinds": KindCells::table(&self.kinds),
+            "charts": [
                 PlotView::new(
                     "Reliability",
                     "Fraction of right cells by the probability of a table, fitted without their \
@@ -140,11 +141,9 @@ impl CellTraining {
                 ),
                 KindCells::curves(&self.kinds),
             ],
-        }
+        })
     }
-}
 
-impl CellTraining {
     /// The cells of each scenario and the calibration of their probabilities.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let (steps, confidence) = (self.steps, self.confidence);
@@ -205,23 +204,6 @@ impl CellTraining {
 
 fn percent(share: f64, digits: usize) -> String {
     format!("{:.digits$}", 100.0 * share)
-}
-
-#[derive(Serialize)]
-struct TrainingView<'a> {
-    tables: Vec<TableView<'a>>,
-    images: [(); 0],
-    identity: Vec<(String, String)>,
-    incomplete: Option<String>,
-}
-
-#[derive(Serialize)]
-struct TableView<'a> {
-    words: &'static str,
-    training: &'a CellTraining,
-    scenarios: Table,
-    kinds: Table,
-    charts: [PlotView; 3],
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use crate::fit::filter::{
     WindowSample, WindowSamples,
 };
 use serde::Serialize;
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use svl_core::Result;
@@ -215,17 +216,17 @@ impl FilterTraining {
             let chart = chart.if_any()?;
             Some(PlotView::new(title, about, chart.svg()))
         });
-        let view = FilterView {
-            training: self,
-            false_acceptance: self.errors.false_acceptance.to_string(),
-            false_rejection: self.errors.false_rejection.to_string(),
-            area: format!("{:.4}", self.roc.area),
-            examples: &self.examples,
-            charts: charts.collect(),
-            images: [],
-            identity,
-            incomplete: None,
-        };
+        let view = json!({
+            "training": self,
+            "false_acceptance": self.errors.false_acceptance.to_string(),
+            "false_rejection": self.errors.false_rejection.to_string(),
+            "area": format!("{:.4}", self.roc.area),
+            "examples": self.examples,
+            "charts": charts.collect::<Vec<_>>(),
+            "images": [],
+            "identity": identity,
+            "incomplete": null,
+        });
         fill(include_str!("filter.html"), "", &[], view)
     }
 }
@@ -273,17 +274,4 @@ impl Display for FilterTraining {
         }
         Ok(())
     }
-}
-
-#[derive(Serialize)]
-struct FilterView<'a> {
-    training: &'a FilterTraining,
-    false_acceptance: String,
-    false_rejection: String,
-    area: String,
-    examples: &'a [Vec<WindowExample>; 2],
-    charts: Vec<PlotView>,
-    images: [(); 0],
-    identity: Vec<(String, String)>,
-    incomplete: Option<String>,
 }

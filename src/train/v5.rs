@@ -97,13 +97,10 @@ pub fn train_v5(
     let algorithms = with(&model)?;
     let mut learned = LearnedCells::default();
     for scenario in scenarios {
-        let TrainingScenario {
-            path,
-            scenario,
-            tested,
-        } = scenario;
+        let (path, tested) = (&scenario.path, scenario.tested);
         let share = if tested { TrainingPart::All } else { share };
-        learned.learn(scenario, &path, &algorithms, (share, tested), console)?;
+        let shares = (share, tested);
+        learned.learn(scenario.scenario, path, &algorithms, shares, console)?;
     }
     let bar = console.bar("fit", Unit::Pairs, None);
     let step = || {

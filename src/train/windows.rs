@@ -55,13 +55,9 @@ pub fn windows(
     let register = PairRegister::default();
     let mut group = 0;
     for own in labelled {
-        let LabelledInputs {
-            scenario,
-            runs,
-            labels,
-        } = own;
+        let (scenario, labels) = (own.scenario, own.labels);
         let mut frames = BTreeSet::new();
-        for run in runs {
+        for run in own.runs {
             let (run, judge) = run.open(&scenario, console, None)?;
             let mut run = run.registered(&scenario.name, &register)?;
             let name = run.title(&scenario.name);

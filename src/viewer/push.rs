@@ -151,16 +151,11 @@ impl RerunSink {
         frame: &Frame,
         scale: &Scale,
     ) -> Result<()> {
-        let Overlay {
-            medians,
-            unknown,
-            lines,
-            percentiles,
-            distances,
-        } = Overlay::new(grid, frame.pair.size(), scale, self.algorithms.len());
-        self.log(path, &[&lines as &dyn AsComponents, &medians, &unknown])?;
-        self.log(&format!("{path}/percentiles"), &percentiles)?;
-        self.log(&format!("{path}/cells"), &distances)
+        let overlay = Overlay::new(grid, frame.pair.size(), scale, self.algorithms.len());
+        let lines = &overlay.lines as &dyn AsComponents;
+        self.log(path, &[lines, &overlay.medians, &overlay.unknown])?;
+        self.log(&format!("{path}/percentiles"), &overlay.percentiles)?;
+        self.log(&format!("{path}/cells"), &overlay.distances)
     }
 
     fn log_depth(

@@ -22,7 +22,7 @@ impl Scale {
         let nearness = Nearness::for_frame(frame);
         let near_m = frame
             .rig()
-            .and_then(|rig| rig.depth_m(nearness.near_px()))
+            .and_then(|rig| rig.depth_m(nearness.near_px))
             .unwrap_or(NEAR_M);
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
         let lowest = still.and_then(|truth| lowest_disparity(&truth.disparity));

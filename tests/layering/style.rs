@@ -68,22 +68,22 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13358),
+    ("bench", 13282),
     ("c", 470),
-    ("calibrate", 4981),
-    ("cli", 10909),
-    ("core", 19627),
-    ("files", 2566),
-    ("grab", 5156),
-    ("live", 419),
-    ("python", 323),
-    ("recording", 14010),
+    ("calibrate", 4948),
+    ("cli", 10894),
+    ("core", 19439),
+    ("files", 2546),
+    ("grab", 5131),
+    ("live", 417),
+    ("python", 321),
+    ("recording", 13938),
     ("report", 13952),
     ("score", 8651),
-    ("sim", 3534),
-    ("thesis", 2664),
-    ("train", 3406),
-    ("viewer", 1781),
+    ("sim", 3510),
+    ("thesis", 2644),
+    ("train", 3372),
+    ("viewer", 1776),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

@@ -12,13 +12,13 @@ use svl_sim::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait, W
 
 /// A world with start, goal, and a route that leads there.
 pub struct Course {
-    seed: u64,
-    drive: DriveConfig,
-    world: ArenaWorld,
+    pub seed: u64,
+    pub(super) drive: DriveConfig,
+    pub world: ArenaWorld,
     /// The way of the driver with perfect sight.
     route: Vec<RobotState>,
     /// Number of rejected layouts.
-    rejected: u32,
+    pub rejected: u32,
 }
 
 /// Width of the room.
@@ -58,19 +58,6 @@ impl Course {
     pub(super) fn with_route(mut self, route: Vec<RobotState>) -> Self {
         self.world.paint();
         Self { route, ..self }
-    }
-
-    pub fn seed(&self) -> u64 {
-        self.seed
-    }
-
-    pub fn world(&self) -> &ArenaWorld {
-        &self.world
-    }
-
-    /// Number of layouts rejected before this one.
-    pub fn rejected(&self) -> u32 {
-        self.rejected
     }
 
     /// The way of the driver with perfect sight, metres.
@@ -113,10 +100,6 @@ impl Course {
     /// `y` of the goal line, metres.
     pub fn goal_m(&self) -> f64 {
         MARGIN_M + LENGTH_M
-    }
-
-    pub(super) fn drive(&self) -> &DriveConfig {
-        &self.drive
     }
 
     pub(super) fn gait(&self) -> Gait {

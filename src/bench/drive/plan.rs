@@ -67,7 +67,7 @@ impl DrivePlan<'_> {
             latency_s.unwrap_or_else(|| self.course.frame_s()),
         );
         let log = source.log();
-        let seed = self.course.seed();
+        let seed = self.course.seed;
         let chain = Chain {
             perturb: self.stress.map(|stress| Perturbation { stress, seed }),
             ..Chain::default()
@@ -85,7 +85,7 @@ impl DrivePlan<'_> {
         let taken = FreeAlgorithm(Arc::clone(&log));
         let start = PassStart {
             wanted: Some(&taken),
-            ..PassStart::new(self.manifest, Some(self.course.seed()), &judge)
+            ..PassStart::new(self.manifest, Some(self.course.seed), &judge)
         };
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         if let Some(writer) = self.writer()? {
@@ -124,14 +124,14 @@ impl DrivePlan<'_> {
         let Some(path) = self.recording else {
             return Ok(None);
         };
-        let seed = self.course.seed();
+        let seed = self.course.seed;
         let header = Header {
             scenario: Some(self.scenario.name.clone()),
             seed: Some(seed),
             // Perturbed pairs are not the arena's.
             hash: (self.stress.is_none())
-                .then(|| ArenaSource::hash(self.course.world().config(), seed)),
-            camera_height_m: Some(self.course.world().config().rig.above_floor_m),
+                .then(|| ArenaSource::hash(self.course.world.config(), seed)),
+            camera_height_m: Some(self.course.world.config().rig.above_floor_m),
             ..Header::new("drive")
         };
         let mut writer = Writer::create(path, &header, svl_recording::ImageFormat::Raw)?;
@@ -151,7 +151,7 @@ impl DrivePlan<'_> {
             };
             TrackRow {
                 scenario: self.manifest.scenario.clone(),
-                seed: self.course.seed(),
+                seed: self.course.seed,
                 algorithm: self.algorithm.label().to_owned(),
                 sequence: point.sequence,
                 x_m: point.at_m[0],
@@ -176,7 +176,7 @@ impl DrivePlan<'_> {
         let name = |path: &Path| Some(path.file_name()?.to_str()?.to_owned());
         DriveRow {
             scenario: self.manifest.scenario.clone(),
-            seed: self.course.seed(),
+            seed: self.course.seed,
             algorithm: self.algorithm.label().to_owned(),
             finished: log.finished(),
             arrived: log.arrived,
@@ -203,18 +203,18 @@ impl DrivePlan<'_> {
 impl Course {
     /// The drive's track, for the map.
     pub fn plan(&self) -> CoursePlan {
-        let world = &self.world().config().world;
+        let world = &self.world.config().world;
         CoursePlan {
-            seed: self.seed(),
+            seed: self.seed,
             width_m: world.width_m,
             length_m: world.length_m,
             goal_m: self.goal_m(),
-            field_of_view_deg: self.world().config().rig.field_of_view_deg,
+            field_of_view_deg: self.world.config().rig.field_of_view_deg,
             outlines: (self.outlines().iter())
                 .map(|outline| outline.iter().map(|at| rounded(*at)).collect())
                 .collect(),
             route: self.route().map(rounded).collect(),
-            rejected: self.rejected(),
+            rejected: self.rejected,
         }
     }
 }

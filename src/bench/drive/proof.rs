@@ -143,16 +143,16 @@ impl Course {
     /// The track of a driver that gets the exact grid; none if it does not finish.
     fn proof(&self, settings: GridSettings) -> Result<Option<Vec<RobotState>>> {
         let gait = self.gait();
-        let rig = self.world().rig();
+        let rig = self.world.rig();
         let mut drive = Drive::new(self, self.frame_s());
         let mut route = Vec::new();
         while drive.step(self) {
             if drive.log.events().any(DriveEvent::ends_proof) {
                 return Ok(None);
             }
-            route.push(drive.robot());
+            route.push(drive.robot);
             let (pose, _) = drive.view(&gait);
-            let disparity = self.world().disparity(&pose)?;
+            let disparity = self.world.disparity(&pose)?;
             drive.decide(self, &grid(&disparity, settings, Some(&rig)));
         }
         Ok(drive.log.arrived.then_some(route))

@@ -40,11 +40,11 @@ impl DriveSource {
 
 impl Source for DriveSource {
     fn name(&self) -> String {
-        format!("course {}", self.course.seed())
+        format!("course {}", self.course.seed)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let world = self.course.world();
+        let world = &self.course.world;
         if !self.drive.step(&self.course) {
             return Ok(None);
         }
@@ -76,7 +76,7 @@ impl Source for DriveSource {
 
 /// The robot under way. It knows neither images nor algorithms.
 pub(super) struct Drive {
-    robot: RobotState,
+    pub(super) robot: RobotState,
     /// The command in force, and the one that follows when the algorithm is ready.
     command: DriveCommand,
     decided: Option<DriveCommand>,
@@ -114,7 +114,7 @@ impl Drive {
             decided: None,
             latency_s,
             busy_s: 0.0,
-            steering: Steering::new(course.drive()),
+            steering: Steering::new(&course.drive),
             sequence: 0,
             near: None,
             anchor: robot,
@@ -192,7 +192,7 @@ impl Drive {
         self.anchor = self.robot;
         self.stop();
         self.wait(course.frame_s());
-        self.steering = Steering::new(course.drive());
+        self.steering = Steering::new(&course.drive);
         let event = self.near_miss();
         self.point(course.clearance_m(self.robot.at), 0.0, true, event)
     }
@@ -214,7 +214,7 @@ impl Drive {
     /// Moves to the time of the next frame, until something is touched. Returns the distance driven
     /// and the least clearance with the nearest object.
     fn travel<'c>(&mut self, course: &'c Course) -> (f64, (f64, &'c str)) {
-        let (config, frame_s) = (course.drive(), course.frame_s());
+        let (config, frame_s) = (&course.drive, course.frame_s());
         let until_ready_s = self.busy_s.min(frame_s);
         let (mut driven_m, mut least) = (0.0, (f64::INFINITY, ""));
         let mut state = self.robot;
@@ -222,7 +222,7 @@ impl Drive {
             // Not after a collision.
             if seconds >= INSTANT_S && least.0 > 0.0 {
                 let (next, by_m, nearest) =
-                    advance(course.world(), config, state, self.command, seconds);
+                    advance(&course.world, config, state, self.command, seconds);
                 (state, driven_m) = (next, driven_m + by_m);
                 least = if nearest.0 < least.0 { nearest } else { least };
             }
@@ -237,7 +237,7 @@ impl Drive {
 
     fn moved(&mut self, course: &Course) -> TrackPoint {
         let (driven_m, (clearance_m, name)) = self.travel(course);
-        let (config, state) = (course.drive(), self.robot);
+        let (config, state) = (&course.drive, self.robot);
         let at_m: [f64; 2] = state.at.into();
         let mut event = None;
         if clearance_m <= 0.0 {
@@ -266,7 +266,7 @@ impl Drive {
     /// Takes the grid of the frame given out last.
     pub(super) fn decide(&mut self, course: &Course, grid: &DepthGrid) {
         let then = self.robot.after(self.command, self.latency_s);
-        let world = course.world();
+        let world = &course.world;
         let width_px = world.config().rig.width_px;
         // The goal is at the end of the arena's length.
         let goal = FRAC_PI_2;
@@ -283,10 +283,6 @@ impl Drive {
             gait.pose(state.at, state.heading, time_s)
         };
         (pose(robot.time_s), Twist::new(pose, robot.time_s))
-    }
-
-    pub(super) fn robot(&self) -> RobotState {
-        self.robot
     }
 }
 
@@ -310,13 +306,13 @@ mod tests {
     /// The first frames with exact grids, and a latency in periods.
     fn driven(course: &Course, frames: usize, periods: f64) -> DriveLog {
         let settings = GridSettings::default();
-        let (gait, rig) = (course.gait(), course.world().rig());
+        let (gait, rig) = (course.gait(), course.world.rig());
         let mut drive = Drive::new(course, periods * course.frame_s());
         for _ in 0..frames {
             assert!(drive.step(course));
             if !drive.log.track.last().unwrap().is_skipped {
                 let (pose, _) = drive.view(&gait);
-                let disparity = course.world().disparity(&pose).unwrap();
+                let disparity = course.world.disparity(&pose).unwrap();
                 drive.decide(course, &grid(&disparity, settings, Some(&rig)));
             }
         }

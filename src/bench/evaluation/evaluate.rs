@@ -7,7 +7,7 @@ use crate::console::Console;
 use svl_core::{Result, counted, joined};
 use svl_files::outputs::{Outputs, remove_special_files};
 use svl_report::units::{RunUnits, Units};
-use svl_report::{BuildOptions, BuiltReport, REPORT, build};
+use svl_report::{BuiltReport, REPORT, build};
 use svl_score::notice::NoticeLog;
 use svl_score::scenario::ScenarioSource;
 
@@ -54,7 +54,7 @@ impl EvaluationPlan<'_> {
         self.note_others(&session, console)?;
         let report = match self.shard {
             Some(_) if !session.is_whole() => None,
-            _ => Some(self.built()),
+            _ => Some(build(self.folder, &self.shown)),
         };
         let report = match (report.transpose(), &ran) {
             (Ok(report), _) => report,
@@ -68,17 +68,6 @@ impl EvaluationPlan<'_> {
             ran,
             session: has_matched.then(|| session.id().to_owned()),
         })
-    }
-
-    fn built(&self) -> Result<BuiltReport> {
-        let options = BuildOptions {
-            area: self.area,
-            sort: self.sort,
-            gate: self.gate,
-            figures: self.figures,
-            ..BuildOptions::default()
-        };
-        build(self.folder, &options)
     }
 
     /// Notes what the folder has besides what was asked for.

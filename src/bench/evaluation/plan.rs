@@ -5,7 +5,7 @@ use crate::pass::Pace;
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
 use svl_core::Result;
-use svl_score::judge::{AreaChoice, Metric};
+use svl_report::BuildOptions;
 use svl_score::losses::Missing;
 use svl_score::manifest::Manifest;
 use svl_score::scenario::{Scenario, StressLevels};
@@ -34,13 +34,8 @@ pub struct EvaluationPlan<'a> {
     pub again: Again,
     /// True if units that are not asked for any more are removed.
     pub prune: bool,
-    /// The cells that metrics of an area are of.
-    pub area: AreaChoice,
-    pub sort: Option<&'static Metric>,
-    /// True if the limits of the scenario are scored.
-    pub gate: bool,
-    /// The folder for the plots as files.
-    pub figures: Option<&'a Path>,
+    /// What its report shows.
+    pub shown: BuildOptions<'a>,
     pub viewer: Option<ChosenViewer>,
 }
 

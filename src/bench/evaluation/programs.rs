@@ -84,12 +84,8 @@ impl EvaluationWork<'_> {
 
 /// Matches the pairs of these rows again.
 fn answers(algorithm: &Algorithm, opened: OpenedRun, rows: &[Row]) -> Result<ProgramAnswer> {
-    let OpenedRun {
-        source: run,
-        judge,
-        files: _,
-    } = opened;
-    let mut source = Chain::for_matching(None).over(Box::new(run))?;
+    let judge = opened.judge;
+    let mut source = Chain::for_matching(None).over(Box::new(opened.source))?;
     let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
     let mut rows = rows.iter().peekable();
     while let Some(row) = rows.peek() {

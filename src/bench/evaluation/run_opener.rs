@@ -33,7 +33,7 @@ pub(super) type OpeningResult = (NoticeLog, Result<OpenedRun>);
 pub(super) struct RunOpener<'a> {
     scenario: &'a Scenario,
     console: &'a dyn Console,
-    live: RunningTable,
+    pub(super) live: RunningTable,
     /// The recording of each run, or its seed.
     identities: Vec<(Option<InputRecord>, Option<u64>)>,
     /// The runs that were not opened yet: perturbed, a run is opened anew.
@@ -97,10 +97,6 @@ impl<'a> RunOpener<'a> {
         let chains = chains.collect::<Result<Vec<_>>>()?.concat();
         let layers = Chain::LAYERS.iter().map(|layer| (*layer).to_owned());
         Ok(layers.filter(|layer| chains.contains(layer)).collect())
-    }
-
-    pub(super) fn live(&self) -> &RunningTable {
-        &self.live
     }
 
     /// The key of a run in the rows.

@@ -274,7 +274,7 @@ impl EvaluationWork<'_> {
         let mut manifest = self.session.manifest();
         self.session.write(&manifest)?;
         let viewer = self.viewer(&read, first.1.as_ref().ok());
-        let mut sinks = self.sinks(Some((&manifest, opener.live(), viewer)))?;
+        let mut sinks = self.sinks(Some((&manifest, &opener.live, viewer)))?;
         let mut ran = self.read_runs(&read, first, &mut opener, &manifest, &mut sinks);
         // Files may have changed between the look at them and the reading of their pairs.
         self.keep_whole_memory();
@@ -282,7 +282,7 @@ impl EvaluationWork<'_> {
         if let (Ok(()), Some(i)) = (&ran, again.first()) {
             let name = self.session.list.runs[*i].words();
             tracing::warn!("{name}: its pairs changed while svl ran; they are matched again");
-            let mut opener = RunOpener::new(self.plan.scenario, self.console, opener.live())?;
+            let mut opener = RunOpener::new(self.plan.scenario, self.console, &opener.live)?;
             let begun = opener.begin(self.runs[*i]);
             ran = self.read_runs(&again, begun, &mut opener, &manifest, &mut sinks);
         }

@@ -73,7 +73,7 @@ impl SharedFrame {
         Self {
             truth: judged.true_cells.as_ref().map(marks),
             end_px: match frame.truth {
-                Some(_) => nearness.near_px() as f32,
+                Some(_) => nearness.near_px as f32,
                 None => color_end(judged),
             },
             frame: frame.clone(),
@@ -136,17 +136,13 @@ impl RawShot {
     }
 
     fn encoded(&self) -> Result<FrameShot> {
-        let SharedPictures {
-            left,
-            true_preview,
-            end_px,
-        } = self.shared.pictures()?;
+        let pictures = self.shared.pictures()?;
         let truth = self.shared.frame.truth.as_ref();
         let errors = truth.map(|truth| error_picture(&self.disparity, truth, MAX_WIDTH));
         Ok(FrameShot {
-            left: left.clone(),
-            preview: Some(preview(&self.disparity, *end_px, MAX_WIDTH)?),
-            true_preview: true_preview.clone(),
+            left: pictures.left.clone(),
+            preview: Some(preview(&self.disparity, pictures.end_px, MAX_WIDTH)?),
+            true_preview: pictures.true_preview.clone(),
             errors: errors.transpose()?,
             ..self.shot.clone()
         })
@@ -446,7 +442,7 @@ fn color_end(judged: &Judged) -> f32 {
         .collect();
     let end_px = truth.and_then(|truth| overlay::color_end(&[truth]));
     let end_px = end_px.or_else(|| overlay::color_end(&maps));
-    end_px.unwrap_or_else(|| Nearness::for_frame(&judged.frame).near_px() as f32)
+    end_px.unwrap_or_else(|| Nearness::for_frame(&judged.frame).near_px as f32)
 }
 
 /// A scene with the results of the pictured algorithms.

@@ -7,8 +7,7 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::stereo::hash_words;
-use svl_core::stereo::{CellRule, Frame, Rgb, Rig};
+use svl_core::stereo::{CellRule, Frame, Rgb, Rig, hash_words};
 use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,

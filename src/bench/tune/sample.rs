@@ -22,7 +22,8 @@ pub struct Sampler {
     next: u64,
     /// One of this number is kept where the count is not known.
     stride: u64,
-    frames: Vec<Arc<Frame>>,
+    /// The frames so far, in their order; all of them once [`Sampler::step`] returns false.
+    pub frames: Vec<Arc<Frame>>,
     done: bool,
 }
 
@@ -39,11 +40,6 @@ impl Sampler {
             frames: Vec::new(),
             done: false,
         }
-    }
-
-    /// The frames so far, in their order; all of them once [`Sampler::step`] returns false.
-    pub fn frames(&self) -> &[Arc<Frame>] {
-        &self.frames
     }
 
     /// Reads a frame; false when there is nothing more to read. A frame that cannot be read is
@@ -206,7 +202,7 @@ mod tests {
         });
         let mut sampler = Sampler::new(source, wanted, limit);
         while sampler.step().unwrap() {}
-        let frames = sampler.frames().iter();
+        let frames = sampler.frames.iter();
         frames.map(|frame| frame.sequence).collect()
     }
 

@@ -18,7 +18,8 @@ use svl_core::stereo::Side;
 pub struct Chooser {
     board: Board,
     size: (usize, usize),
-    views: Vec<StereoView>,
+    /// The accepted views.
+    pub views: Vec<StereoView>,
     /// Poses of the accepted and of the declined views.
     known: Vec<RoughPose>,
     coverage: ViewCoverage,
@@ -134,11 +135,6 @@ impl Chooser {
             .extend(RoughPose::new(&self.board, self.size, &view.left));
     }
 
-    /// The accepted views.
-    pub fn views(&self) -> &[StereoView] {
-        &self.views
-    }
-
     pub fn missing(&self) -> MissingCoverage {
         self.coverage.missing()
     }
@@ -217,7 +213,7 @@ mod tests {
     }
 
     fn chooser(moving: &MovingBoard) -> Chooser {
-        Chooser::new(*moving.board(), (640, 480))
+        Chooser::new(moving.board, (640, 480))
     }
 
     #[test]
@@ -236,7 +232,7 @@ mod tests {
         }
         println!(
             "{} kept, {refused:?}, lacks {}",
-            chooser.views().len(),
+            chooser.views.len(),
             chooser.missing()
         );
         assert!(
@@ -244,9 +240,9 @@ mod tests {
             "{refused:?}"
         );
         assert!(
-            (15..=40).contains(&chooser.views().len()),
+            (15..=40).contains(&chooser.views.len()),
             "{}",
-            chooser.views().len()
+            chooser.views.len()
         );
     }
 
@@ -333,7 +329,7 @@ mod tests {
         let offered = chooser.judge(None, &seen(&view)).unwrap();
         chooser.decline(&offered);
         assert_eq!(chooser.judge(None, &seen(&view)), Err(Refusal::NothingNew));
-        assert!(chooser.views().is_empty());
+        assert!(chooser.views.is_empty());
     }
 
     #[test]

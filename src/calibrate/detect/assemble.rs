@@ -203,10 +203,8 @@ fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
 /// The edge of the image beyond which a point lies, or which is too close for a corner to be found.
 fn outside(image: &Gray, at: Point2<f64>) -> Option<Edge> {
     const MARGIN_PX: f64 = 6.0;
-    let (right, bottom) = (
-        image.width() as f64 - MARGIN_PX,
-        image.height() as f64 - MARGIN_PX,
-    );
+    let right = image.width() as f64 - MARGIN_PX;
+    let bottom = image.height() as f64 - MARGIN_PX;
     let edges = [
         (Edge::Left, at.x < MARGIN_PX),
         (Edge::Right, at.x > right),

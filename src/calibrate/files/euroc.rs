@@ -54,9 +54,7 @@ fn camera(document: &Document, hints: &Hints) -> Result<Intrinsics> {
 
 fn body_from_camera(document: &Document) -> Result<Isometry3<f64>> {
     let pose = Matrix4::from_row_slice(&document.array::<16>("T_BS")?);
-    let (rotation, translation) = (
-        pose.fixed_view::<3, 3>(0, 0).into(),
-        pose.fixed_view::<3, 1>(0, 3).into(),
-    );
+    let rotation = pose.fixed_view::<3, 3>(0, 0).into();
+    let translation = pose.fixed_view::<3, 1>(0, 3).into();
     document.keyed("T_BS", motion(&rotation, translation))
 }

@@ -51,14 +51,8 @@ impl StereoParameters {
     }
 
     fn calibration(self, document: &Document, unit: FileUnit) -> Result<StereoCalibration> {
-        let Self {
-            left,
-            right,
-            right_from_left,
-            rectification,
-        } = self;
-        let implied = rectification.as_ref().map(Rectification::motion);
-        let Some(stated) = right_from_left.or(implied) else {
+        let implied = self.rectification.as_ref().map(Rectification::motion);
+        let Some(stated) = self.right_from_left.or(implied) else {
             return Err(document.error("has no extrinsics (R and T) and no rectification"));
         };
         let (scale, unit) = unit.in_calibration();
@@ -67,8 +61,9 @@ impl StereoParameters {
             Translation3::from(stated.translation.vector * scale),
             stated.rotation,
         );
-        let calibration = StereoCalibration::new(left, right, motion, unit).map_err(error)?;
-        let (Some(rectification), Some(implied)) = (rectification, implied) else {
+        let calibration = StereoCalibration::new(self.left, self.right, motion, unit);
+        let calibration = calibration.map_err(error)?;
+        let (Some(rectification), Some(implied)) = (self.rectification, implied) else {
             return Ok(calibration);
         };
         let baseline = stated.translation.vector.norm();

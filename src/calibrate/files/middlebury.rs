@@ -63,10 +63,8 @@ fn rig(document: &Document) -> Result<Rig> {
     let projection = |[fx, _, cx, _, fy, cy, ..]: [f64; 9], tx: f64| {
         Matrix3x4::new(fx, 0.0, cx, tx, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
     };
-    let [left, right] = [
-        projection(left, 0.0),
-        projection(right, -focal * baseline_m),
-    ];
+    let left = projection(left, 0.0);
+    let right = projection(right, -focal * baseline_m);
     let (focal_part, rows_px) = (FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
     Rig::from_projections(&left, &right, focal_part, rows_px, LengthUnit::Metres)
         .and_then(|_| Rig::new(focal, center, baseline_m, doffs))

@@ -208,10 +208,8 @@ impl Warps {
     fn motion(&self) -> Isometry3<f64> {
         let middle = self.0[0].k[(1, 2)];
         let [left, right] = self.0.each_ref().map(|Warp { k, rotation }| {
-            let (x, z) = (
-                rotation.matrix().row(0).transpose(),
-                rotation.matrix().row(2).transpose(),
-            );
+            let x = rotation.matrix().row(0).transpose();
+            let z = rotation.matrix().row(2).transpose();
             let y = rotation.matrix().row(1).transpose();
             let normal = (y * k[(1, 1)] + z * (k[(1, 2)] - middle)).normalize();
             Matrix3::from_columns(&[x, normal, x.cross(&normal)])

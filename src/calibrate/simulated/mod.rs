@@ -35,8 +35,9 @@ const LOOK: Look = Look {
 
 /// The cameras, the board, and its poses.
 pub struct MovingBoard {
-    board: Board,
-    truth: StereoCalibration,
+    pub board: Board,
+    /// The true calibration of the cameras.
+    pub truth: StereoCalibration,
     rays: [Rays; 2],
     poses: Vec<Isometry3<f64>>,
     seed: u64,
@@ -70,15 +71,6 @@ impl MovingBoard {
             poses,
             seed,
         })
-    }
-
-    pub fn board(&self) -> &Board {
-        &self.board
-    }
-
-    /// The true calibration of the cameras.
-    pub fn truth(&self) -> &StereoCalibration {
-        &self.truth
     }
 
     /// Number of pairs.

@@ -121,10 +121,8 @@ pub fn render(
 fn to_squares(board: &Board, pose: &Isometry3<f64>) -> Matrix3<f32> {
     let side = board.side();
     let rotation = pose.rotation.to_rotation_matrix();
-    let (along, down) = (
-        rotation * nalgebra::Vector3::x() * side,
-        rotation * nalgebra::Vector3::y() * side,
-    );
+    let along = rotation * nalgebra::Vector3::x() * side;
+    let down = rotation * nalgebra::Vector3::y() * side;
     let from_squares = Matrix3::from_columns(&[along, down, pose.translation.vector]);
     // A board seen edge-on has no inverse and is invisible: NaN compares as outside.
     from_squares
@@ -147,10 +145,8 @@ fn albedo(
         to_squares[(row, 0)] * x + to_squares[(row, 1)] * y + to_squares[(row, 2)] * one
     };
     let depth = row(2, direction, 1.0);
-    let (i, j) = (
-        row(0, direction, 1.0) / depth,
-        row(1, direction, 1.0) / depth,
-    );
+    let i = row(0, direction, 1.0) / depth;
+    let j = row(1, direction, 1.0) / depth;
     let beside = |v: f32, count: usize| (-1.0 - v).max(v - count as f32);
     let beyond = beside(i, board.columns()).max(beside(j, board.rows()));
     if !(depth > 0.0 && beyond < MARGIN) {

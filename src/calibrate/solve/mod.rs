@@ -64,10 +64,8 @@ pub fn solve(
     let mut camera = |name, pixels: fn(&StereoView) -> &Vec<Point2<f64>>| {
         calibrate_camera(&corners, (size, model), &mut selection, name, pixels)
     };
-    let (left, right) = (
-        camera("left", |view| &view.left)?,
-        camera("right", |view| &view.right)?,
-    );
+    let left = camera("left", |view| &view.left)?;
+    let right = camera("right", |view| &view.right)?;
     let bundle = calibrate_pair(left, right, &mut selection)?;
     measure::solution(board, bundle, selection.refused)
 }

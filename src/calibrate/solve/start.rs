@@ -22,10 +22,8 @@ pub(super) fn homography(
     board: &[Point3<f64>],
     pixels: &[Point2<f64>],
 ) -> Option<(Matrix3<f64>, f64)> {
-    let (to_board, to_image) = (
-        balance(board.iter().map(|p| p.xy()))?,
-        balance(pixels.iter().copied())?,
-    );
+    let to_board = balance(board.iter().map(|p| p.xy()))?;
+    let to_image = balance(pixels.iter().copied())?;
     let mut sum = SMatrix::<f64, 9, 9>::zeros();
     for (point, pixel) in board.iter().zip(pixels) {
         let p = to_board * Vector3::new(point.x, point.y, 1.0);
@@ -240,10 +238,8 @@ pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Iso
     let (x, y) = (h.column(0).normalize(), h.column(1).normalize());
     // With noise the two columns are not orthogonal: the nearest orthogonal pair is used.
     let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
-    let (x, y) = (
-        (sum + difference).normalize(),
-        (sum - difference).normalize(),
-    );
+    let x = (sum + difference).normalize();
+    let y = (sum - difference).normalize();
     let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]));
     let translation = Translation3::from(h.column(2).into_owned());
     let numbers = rotation.matrix().iter().chain(translation.vector.iter());

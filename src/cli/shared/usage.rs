@@ -15,6 +15,7 @@ use svl::losses::Incomplete;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
 use svl::score::{Metric, MetricFault};
+use svl::stereo::GridShape;
 
 /// Names of commands in other programs, and svl's commands that do the same.
 pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
@@ -220,6 +221,13 @@ pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
 pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
     let (first, second) = text.split_once(between)?;
     Some((first.parse().ok()?, second.parse().ok()?))
+}
+
+/// Columns and rows, as 5x3, from 1 to `most` each.
+pub(crate) fn grid(text: &str, most: usize) -> Option<GridShape> {
+    let (columns, rows) = two(text, 'x')?;
+    let fit = [columns, rows].iter().all(|side| (1..=most).contains(side));
+    fit.then_some(GridShape { columns, rows })
 }
 
 /// The metric of that name that algorithms are ranked or tested by.

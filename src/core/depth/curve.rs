@@ -136,10 +136,8 @@ impl DistanceCurve {
         let mut usable: Vec<(f64, f64)> = Vec::new();
         for pair in pairs.windows(2) {
             let ((cm, from), (next_cm, to)) = (pair[0], pair[1]);
-            let (least, most) = (
-                (1.0 - share) * cm.min(next_cm),
-                (1.0 + share) * cm.max(next_cm),
-            );
+            let least = (1.0 - share) * cm.min(next_cm);
+            let most = (1.0 + share) * cm.max(next_cm);
             let mut steps =
                 (0..=STEPS).map(|i| from + (to - from) * f64::from(i) / f64::from(STEPS));
             let stays = |px: f64| {

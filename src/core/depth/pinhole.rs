@@ -96,11 +96,14 @@ impl WeightedLine {
 /// Distance as `a/(d + b)`, with the covariance of `a` and `b`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PinholeFit {
-    a_cm_px: f64,
-    b_px: f64,
+    /// `a`, which is f·B, in centimetres times pixels.
+    pub a_cm_px: f64,
+    pub b_px: f64,
     covariance: Matrix2<f64>,
-    noise_px: f64,
-    weights: Vec<f64>,
+    /// Standard deviation of one measured disparity.
+    pub noise_px: f64,
+    /// Weight of each measurement, 0 (outlier) ..= 1, in the order of the pairs.
+    pub weights: Vec<f64>,
 }
 
 impl PinholeFit {
@@ -128,10 +131,8 @@ impl PinholeFit {
             BEST
         };
         let scale = (squares / (kept - 2.0).max(1.0)).sqrt().max(best);
-        let (noise_px, weights) = (
-            scale * DISPARITY_PX,
-            rows.iter().map(|row| row.weight).collect(),
-        );
+        let noise_px = scale * DISPARITY_PX;
+        let weights = rows.iter().map(|row| row.weight).collect();
         let covariance = normal
             .try_inverse()
             .map(|inverse| inverse * (scale * scale));
@@ -155,31 +156,12 @@ impl PinholeFit {
         }
     }
 
-    /// `a`, which is f·B, in centimetres times pixels.
-    pub fn a_cm_px(&self) -> f64 {
-        self.a_cm_px
-    }
-
-    pub fn b_px(&self) -> f64 {
-        self.b_px
-    }
-
     /// Standard deviations of `a` and `b`.
     pub fn standard_deviations(&self) -> (f64, f64) {
         (
             self.covariance[(0, 0)].sqrt(),
             self.covariance[(1, 1)].sqrt(),
         )
-    }
-
-    /// Standard deviation of one measured disparity.
-    pub fn noise_px(&self) -> f64 {
-        self.noise_px
-    }
-
-    /// Weight of each measurement, 0 (outlier) ..= 1, in the order of the pairs.
-    pub fn weights(&self) -> &[f64] {
-        &self.weights
     }
 
     /// Distance in centimetres; `None` at or beyond infinity.
@@ -282,7 +264,7 @@ mod tests {
     #[test]
     fn an_exact_pair_of_cameras_is_recovered() {
         let fit = PinholeFit::fit(&target(1300.0, 2.0)).unwrap();
-        assert!((fit.a_cm_px() - 1300.0).abs() < 1e-6 && (fit.b_px() - 2.0).abs() < 1e-8);
+        assert!((fit.a_cm_px - 1300.0).abs() < 1e-6 && (fit.b_px - 2.0).abs() < 1e-8);
         assert!((fit.distance_cm(11.0).unwrap() - 100.0).abs() < 1e-8);
         assert!((fit.disparity_px(100.0) - 11.0).abs() < 1e-8);
         assert_eq!(fit.distance_cm(-2.1), None);
@@ -295,9 +277,9 @@ mod tests {
         pairs[4].1 += 20.0;
         pairs[9].1 -= 4.0;
         let fit = PinholeFit::fit(&pairs).unwrap();
-        assert!((fit.a_cm_px() - 1300.0).abs() < 1e-3, "{fit:?}");
-        assert_eq!([0, 4, 9].map(|i| fit.weights()[i]), [0.0; 3]);
-        assert!(fit.weights()[1] > 0.9);
+        assert!((fit.a_cm_px - 1300.0).abs() < 1e-3, "{fit:?}");
+        assert_eq!([0, 4, 9].map(|i| fit.weights[i]), [0.0; 3]);
+        assert!(fit.weights[1] > 0.9);
     }
 
     #[test]
@@ -317,8 +299,8 @@ mod tests {
             let pairs: Vec<_> = target(1300.0, 1.0).into_iter().map(noisy).collect();
             let fit = PinholeFit::fit(&pairs).unwrap();
             let (a_deviation, b_deviation) = fit.standard_deviations();
-            inside[0] += usize::from((fit.a_cm_px() - 1300.0).abs() < 2.0 * a_deviation);
-            inside[1] += usize::from((fit.b_px() - 1.0).abs() < 2.0 * b_deviation);
+            inside[0] += usize::from((fit.a_cm_px - 1300.0).abs() < 2.0 * a_deviation);
+            inside[1] += usize::from((fit.b_px - 1.0).abs() < 2.0 * b_deviation);
             // A new measurement at 2 m, beyond all fitted ones.
             let measured =
                 1300.0 / 200.0 - 1.0 + 0.3 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
@@ -353,9 +335,9 @@ mod tests {
         let pairs: Vec<_> = [1.0, 2.0, 4.0, 5.0, 10.0, 20.0]
             .map(|px| (1000.0 / px, px))
             .into();
-        assert_eq!(PinholeFit::fit(&pairs).unwrap().noise_px(), DISPARITY_PX);
+        assert_eq!(PinholeFit::fit(&pairs).unwrap().noise_px, DISPARITY_PX);
         let pairs: Vec<_> = pairs.iter().map(|(cm, px)| (*cm, px + 0.25)).collect();
-        assert!(PinholeFit::fit(&pairs).unwrap().noise_px() < 0.1 * DISPARITY_PX);
+        assert!(PinholeFit::fit(&pairs).unwrap().noise_px < 0.1 * DISPARITY_PX);
     }
 
     #[test]

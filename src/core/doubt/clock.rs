@@ -163,10 +163,8 @@ impl Display for LogTimes {
 
 fn early_words(topics: &[(String, ClockLag)]) -> String {
     let words = topics.iter().map(|(topic, lag)| {
-        let (median, spread) = (
-            seconds(lag.median_ns.saturating_neg()),
-            seconds(lag.spread_ns),
-        );
+        let median = seconds(lag.median_ns.saturating_neg());
+        let spread = seconds(lag.spread_ns);
         format!("{topic} by {median} s (median; spread {spread} s)")
     });
     words.collect::<Vec<_>>().join(", ")

@@ -120,20 +120,14 @@ impl FilterModel {
 
     /// The bytes of its file; identical for identical models.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let Self {
-            kind,
-            features,
-            network,
-            range_px,
-            facts,
-        } = self;
-        let mut said = facts.clone();
+        let (features, network) = (&self.features, &self.network);
+        let mut said = self.facts.clone();
         let mut say = |key: &str, text: String| said.insert(key.to_owned(), text);
-        say("filter", kind.name().to_owned());
+        say("filter", self.kind.name().to_owned());
         say("window", features.window.to_string());
         say("scaling", features.scaling.name().to_owned());
         say("hidden", network.hidden().to_string());
-        if let Some(px) = range_px {
+        if let Some(px) = self.range_px {
             say("range_px", px.to_string());
         }
         let (out_weights, out_bias) = network.output();

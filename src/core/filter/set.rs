@@ -49,7 +49,7 @@ impl CellFilter {
                 &mut windows.insert((size, shape, new)).2
             }
         };
-        let (corners, stride) = (windows.corners(), features.stride());
+        let (corners, stride) = (&windows.corners, features.stride());
         self.inputs.resize(corners.len() * stride, 0.0);
         self.scores.resize(corners.len(), 0.0);
         for (&at, inputs) in corners.iter().zip(self.inputs.chunks_exact_mut(stride)) {
@@ -61,13 +61,8 @@ impl CellFilter {
         let is_seen =
             |cell_windows: &Vec<usize>| cell_windows.iter().any(|&window| scores[window] > 0.0);
         self.seen.clear();
-        self.seen.extend(windows.by_cell().iter().map(is_seen));
+        self.seen.extend(windows.by_cell.iter().map(is_seen));
         Ok(&self.seen)
-    }
-
-    /// The log odds of its windows in the last image.
-    pub fn scores(&self) -> &[f32] {
-        &self.scores
     }
 }
 

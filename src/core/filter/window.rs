@@ -10,9 +10,9 @@ use crate::stereo::GridShape;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FilterWindows {
     /// Left upper corners.
-    corners: Vec<[usize; 2]>,
+    pub corners: Vec<[usize; 2]>,
     /// Per cell of the grid, in raster order, its windows; a detection in any of them suffices.
-    by_cell: Vec<Vec<usize>>,
+    pub by_cell: Vec<Vec<usize>>,
 }
 
 /// The strips of the image's width, in tenths, that the two windows of *too close* cover.
@@ -71,16 +71,6 @@ impl FilterWindows {
         };
         Ok(Self { corners, by_cell })
     }
-
-    /// Left upper corners, x and y.
-    pub fn corners(&self) -> &[[usize; 2]] {
-        &self.corners
-    }
-
-    /// Per cell of the grid, in raster order, its windows; a detection in any of them suffices.
-    pub fn by_cell(&self) -> &[Vec<usize>] {
-        &self.by_cell
-    }
 }
 
 #[cfg(test)]
@@ -91,25 +81,25 @@ mod tests {
     fn windows_of_the_floor_are_centred_in_cells() {
         let shape = GridShape::default();
         let windows = FilterWindows::new(FilterKind::Floor, 64, (320, 240), shape).unwrap();
-        let corners: Vec<_> = windows.corners().iter().step_by(6).collect();
+        let corners: Vec<_> = windows.corners.iter().step_by(6).collect();
         assert_eq!(corners, [&[0, 8], &[64, 88], &[128, 168]]);
-        assert_eq!(windows.by_cell()[7], [7]);
+        assert_eq!(windows.by_cell[7], [7]);
         // Clamped if a cell is narrower than a window.
         let narrow = FilterWindows::new(FilterKind::Floor, 64, (100, 70), shape).unwrap();
-        assert_eq!(narrow.corners()[0], [0, 0]);
-        assert_eq!(narrow.corners()[14], [36, 6]);
+        assert_eq!(narrow.corners[0], [0, 0]);
+        assert_eq!(narrow.corners[14], [36, 6]);
     }
 
     #[test]
     fn windows_of_too_close_are_left_and_right_of_the_middle() {
         let shape = GridShape::default();
         let windows = FilterWindows::new(FilterKind::TooClose, 128, (320, 240), shape).unwrap();
-        assert_eq!(windows.corners(), [[32, 56], [160, 56]]);
+        assert_eq!(windows.corners, [[32, 56], [160, 56]]);
         let row = [vec![0], vec![0], vec![0, 1], vec![1], vec![1]];
-        assert_eq!(windows.by_cell(), [row.clone(), row.clone(), row].concat());
+        assert_eq!(windows.by_cell, [row.clone(), row.clone(), row].concat());
         let double = FilterWindows::new(FilterKind::TooClose, 128, (640, 480), shape).unwrap();
-        assert_eq!(double.corners(), [[128, 176], [384, 176]]);
-        assert_eq!(double.by_cell(), windows.by_cell());
+        assert_eq!(double.corners, [[128, 176], [384, 176]]);
+        assert_eq!(double.by_cell, windows.by_cell);
     }
 
     #[test]

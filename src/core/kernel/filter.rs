@@ -193,10 +193,8 @@ pub(super) fn remap(
         };
         for (i, (out, (&right, &below))) in out.iter_mut().zip(right.iter().zip(below)).enumerate()
         {
-            let (above, beneath) = (
-                u32::from(along(upper[i], right)),
-                u32::from(along(lower[i], right)),
-            );
+            let above = u32::from(along(upper[i], right));
+            let beneath = u32::from(along(lower[i], right));
             let sum = above * (256 - u32::from(below)) + beneath * u32::from(below);
             *out = ((sum + (1 << 15)) >> 16) as u8;
         }

@@ -171,11 +171,9 @@ pub(super) fn test(
             continue;
         };
         // Compared together: a single instruction where one exists.
-        let [a, b, c] = [
-            left[0][x] ^ right[0][match_x],
-            left[1][x] ^ right[1][match_x],
-            left[2][x] ^ right[2][match_x],
-        ];
+        let a = left[0][x] ^ right[0][match_x];
+        let b = left[1][x] ^ right[1][match_x];
+        let c = left[2][x] ^ right[2][match_x];
         *cost = u32::from_le_bytes([a, b, c, 0]).count_ones() as u8;
         let (least, second) = (u32::from(least[x]), u32::from(second[x]));
         // If there is no second (255), every positive fraction passes.

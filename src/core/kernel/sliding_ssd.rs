@@ -213,10 +213,8 @@ impl Step {
     /// `factors[0]`, leaving ones by `factors[1]`.
     #[inline(always)]
     fn to(x: usize, block: &[Lanes<u16>], group: usize, factors: [i16; 2]) -> Self {
-        let (come, gone) = (
-            rows(&block[x + REACH], group),
-            rows(&block[x - REACH - 1], group),
-        );
+        let come = rows(&block[x + REACH], group);
+        let gone = rows(&block[x - REACH - 1], group);
         let mut step = Self::NONE;
         let mut pixels = [[0; Group::ROWS]; 2];
         for l in 0..Group::ROWS {

@@ -1,15 +1,15 @@
 //! Block matching of v1, v2 and v3 (thesis, section 5.3): vertical smoothing, texture filter,
 //! search, check, sub-pixel refinement and back check, one block of rows after the other.
 
-use super::Parameters;
 use super::method::Method;
 use super::stage::{
     BACK_CHECK, Bands, Blocks, DisparityRange, RowCheck, RowSearch, SUBPIXEL, Strip, TextureFilter,
     VerticalSmoothing, back_check, refine,
 };
+use super::{MatchOutput, Parameters};
 use crate::error::Result;
 use crate::kernel::Isa;
-use crate::stereo::{BandMut, DisparityMap, ExtraPlanes, Plane, StereoPair};
+use crate::stereo::{BandMut, ExtraPlanes, Plane, StereoPair};
 use crate::timing::{Clock, Stage};
 
 /// The method, with the search `S` and the check `C` of one algorithm.
@@ -67,16 +67,12 @@ impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
         clock: &mut Clock,
     ) {
         let (isa, count) = (self.isa, rows.rows());
-        let Scratch {
-            strip,
-            textured,
-            search,
-            check,
-        } = scratch;
+        let strip = &mut scratch.strip;
         strip.load(isa, &self.smoothing, pair, top, count);
         clock.lap(Stage::Smoothing);
 
         if let Some(texture) = &self.texture {
+            let textured = &mut scratch.textured;
             (0..count)
                 .for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
         }
@@ -86,17 +82,20 @@ impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
         // Texture and checks read rows, the search reads columns of lanes: both are kept.
         strip.transpose(isa);
         let [left, right] = strip.columns();
-        search.search(isa, left, right, count);
+        scratch.search.search(isa, left, right, count);
         for (lane, mut row) in rows.rows_mut().enumerate() {
             let pair = [strip.left(lane), strip.right(lane)];
-            search.write_row(isa, lane, pair, textured.row(lane), &mut row);
+            let textured = scratch.textured.row(lane);
+            scratch
+                .search
+                .write_row(isa, lane, pair, textured, &mut row);
         }
         clock.lap(Stage::Matching);
 
-        check.search(isa, left, right, count);
+        scratch.check.search(isa, left, right, count);
         for (lane, mut row) in rows.rows_mut().enumerate() {
             let (left, right) = (strip.left(lane), strip.right(lane));
-            check.check_row(isa, lane, left, &mut row);
+            scratch.check.check_row(isa, lane, left, &mut row);
             if self.subpixel {
                 refine(self.range, left, |_| right, &mut row);
             }
@@ -125,13 +124,8 @@ impl<S: RowSearch, C: RowCheck> Method for BlockMatching<S, C> {
         })
     }
 
-    fn compute(
-        &self,
-        bands: &mut Self::Scratch,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
-    ) {
+    fn compute(&self, bands: &mut Self::Scratch, pair: &StereoPair, output: &mut MatchOutput) {
+        let (map, clock) = (&mut output.disparity, &mut output.clock);
         bands.each_block(map, clock, |top, rows, scratch, clock| {
             self.match_rows(pair, top, rows, scratch, clock)
         });

@@ -16,11 +16,11 @@ use super::method::{Method, matcher};
 use super::stage::{
     DisparityRange, EdgeImage, OnePassCheck, Prefilter, SadSearch, Speckles, both, uniqueness,
 };
-use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchOutput, MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
-use crate::stereo::{DisparityMap, ExtraPlanes, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::{ExtraPlanes, StereoPair};
+use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "bm",
@@ -133,32 +133,20 @@ impl Method for Bm {
         })
     }
 
-    fn compute(
-        &self,
-        scratch: &mut Scratch,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
-    ) {
+    fn compute(&self, scratch: &mut Scratch, pair: &StereoPair, output: &mut MatchOutput) {
+        let (map, clock) = (&mut output.disparity, &mut output.clock);
         let isa = self.isa;
-        let Scratch {
-            left,
-            right,
-            band_rows,
-            searches,
-            speckles,
-        } = scratch;
-
         both(
-            || left.load(isa, self.prefilter, pair.left()),
-            || right.load(isa, self.prefilter, pair.right()),
+            || scratch.left.load(isa, self.prefilter, pair.left()),
+            || scratch.right.load(isa, self.prefilter, pair.right()),
         );
         clock.lap(Stage::Smoothing);
 
-        map.each_band_mut(*band_rows, searches, |top, band, (search, check)| {
+        let (band_rows, searches) = (scratch.band_rows, &mut scratch.searches);
+        map.each_band_mut(band_rows, searches, |top, band, (search, check)| {
             search.restart();
             for (y, mut row) in (top..).zip(band.into_rows()) {
-                search.match_row(isa, y, left, right, &mut row);
+                search.match_row(isa, y, &scratch.left, &scratch.right, &mut row);
                 if let Some(check) = check {
                     // Here, as the SADs are those of the last matched row; the time counts as
                     // matching.
@@ -168,7 +156,7 @@ impl Method for Bm {
         });
         clock.lap(Stage::Matching);
 
-        if let Some(speckles) = speckles {
+        if let Some(speckles) = &mut scratch.speckles {
             speckles.remove(map);
         }
         clock.lap(Stage::Checks);

@@ -21,11 +21,11 @@ use super::method::{Method, matcher};
 use super::stage::{
     Blocks, PathCosts, Propagation, PropagationPixel, Scanlines, both, bridge, each_band, each_row,
 };
-use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchOutput, MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
 use crate::stereo::{DisparityMap, ExtraPlanes, Gray, StereoPair, buffer};
-use crate::timing::{Clock, Stage};
+use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
@@ -157,50 +157,35 @@ impl Scratch {
     }
 
     fn match_rows(&mut self, isa: Isa, pair: &StereoPair) {
-        let Self {
-            size: (_, height),
-            left,
-            right,
-            band_rows,
-            scanlines,
-            ..
-        } = self;
         both(
-            || left.load(isa, pair.left()),
-            || right.load(isa, pair.right()),
+            || self.left.load(isa, pair.left()),
+            || self.right.load(isa, pair.right()),
         );
-        each_row(scanlines, 1, 1, |band, scanlines| {
-            let top = band * *band_rows;
-            scanlines[0].search(isa, left, right, top..(top + *band_rows).min(*height));
+        each_row(&mut self.scanlines, 1, 1, |band, scanlines| {
+            let top = band * self.band_rows;
+            let rows = top..(top + self.band_rows).min(self.size.1);
+            scanlines[0].search(isa, &self.left, &self.right, rows);
         });
     }
 
     fn refine_columns(&mut self, propagation: Propagation) {
-        let Self {
-            size: (width, height),
-            left,
-            scanlines,
-            columns,
-            column_band,
-            steep,
-            ..
-        } = self;
+        let ((width, height), left) = (self.size, &self.left);
         each_band(
-            columns,
-            *column_band * *height,
-            steep,
+            &mut self.columns,
+            self.column_band * height,
+            &mut self.steep,
             |band, columns, [before, here, after]| {
-                let first = band * *column_band;
+                let first = band * self.column_band;
                 mark_steep(left.column(first.saturating_sub(1)), here);
                 mark_steep(left.column(first), after);
-                for (x, column) in (first..).zip(columns.chunks_exact_mut(*height)) {
+                for (x, column) in (first..).zip(columns.chunks_exact_mut(height)) {
                     // The marks of three columns are rotated, so that each column is marked once.
                     std::mem::swap(before, here);
                     std::mem::swap(here, after);
-                    mark_steep(left.column((x + 1).min(*width - 1)), after);
+                    mark_steep(left.column((x + 1).min(width - 1)), after);
                     // An edge counts if it continues to both sides, as far as there are columns.
-                    let inner = x > 0 && x + 1 < *width;
-                    let disparities = scanlines.iter().flat_map(|band| band.column(x));
+                    let inner = x > 0 && x + 1 < width;
+                    let disparities = self.scanlines.iter().flat_map(|band| band.column(x));
                     for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
                         *pixel = PropagationPixel {
                             disparity,
@@ -216,20 +201,14 @@ impl Scratch {
     }
 
     fn refine_rows(&mut self, propagation: Propagation, image: &Gray, map: &mut DisparityMap) {
-        let Self {
-            size: (width, height),
-            band_rows,
-            rows,
-            columns,
-            ..
-        } = self;
-        map.each_row_mut(*band_rows, rows, |y, row, line| {
+        let (width, height) = self.size;
+        map.each_row_mut(self.band_rows, &mut self.rows, |y, row, line| {
             let grey = image.row(y);
             for (x, pixel) in line.iter_mut().enumerate() {
-                let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
+                let [edge] = edge_before(x, width, |x| [u16::from(grey[x])]);
                 *pixel = PropagationPixel {
                     // The result of the columns, which are contiguous, transposed.
-                    disparity: columns[x * *height + y].disparity,
+                    disparity: self.columns[x * height + y].disparity,
                     edge,
                     run: 0,
                 };
@@ -250,13 +229,8 @@ impl Method for Dp {
         Scratch::new(size, self.max_disparity, self.costs)
     }
 
-    fn compute(
-        &self,
-        scratch: &mut Scratch,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
-    ) {
+    fn compute(&self, scratch: &mut Scratch, pair: &StereoPair, output: &mut MatchOutput) {
+        let (map, clock) = (&mut output.disparity, &mut output.clock);
         scratch.match_rows(self.isa, pair);
         clock.lap(Stage::Matching);
         scratch.refine_columns(self.propagation);

@@ -2,8 +2,7 @@
 
 use super::{MatchContext, MatchOutput, Matcher};
 use crate::error::Result;
-use crate::stereo::{DisparityMap, ExtraPlanes, RectifiedPair, StereoPair};
-use crate::timing::Clock;
+use crate::stereo::{ExtraPlanes, RectifiedPair, StereoPair};
 
 /// An algorithm without its memory.
 pub(super) trait Method: Send + 'static {
@@ -19,14 +18,9 @@ pub(super) trait Method: Send + 'static {
     /// If the algorithm cannot match pairs of that size.
     fn scratch(&self, size: (usize, usize)) -> Result<Self::Scratch>;
 
-    /// Matches `pair` and writes every pixel of `map`, which has its size and [`Self::PLANES`].
-    fn compute(
-        &self,
-        scratch: &mut Self::Scratch,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
-    );
+    /// Matches `pair` and writes every pixel of the map of `output`, which has its size and
+    /// [`Self::PLANES`].
+    fn compute(&self, scratch: &mut Self::Scratch, pair: &StereoPair, output: &mut MatchOutput);
 }
 
 /// A matcher of `method`.
@@ -50,15 +44,15 @@ impl<M: Method> Matcher for MethodMatcher<M> {
         _: &MatchContext,
         output: &mut MatchOutput,
     ) -> Result<()> {
-        let (size, map) = (pair.size(), &mut output.disparity);
-        map.resize(size.0, size.1, M::PLANES)?;
+        let size = pair.size();
+        output.disparity.resize(size.0, size.1, M::PLANES)?;
         // Freed before the new memory is allocated, so that both sizes are never held at once.
         self.scratch.take_if(|(fits, _)| *fits != size);
         let (_, scratch) = match &mut self.scratch {
             Some(scratch) => scratch,
             none => none.insert((size, self.method.scratch(size)?)),
         };
-        self.method.compute(scratch, &pair, map, &mut output.clock);
+        self.method.compute(scratch, &pair, output);
         Ok(())
     }
 }

@@ -17,11 +17,11 @@ use super::parameter::at_scale;
 use super::stage::{
     Aggregation, Chosen, CostVolume, DisparityRange, OnePassCheck, Speckles, uniqueness,
 };
-use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchOutput, MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{ChosenRow, Isa, PathBlock, Penalties, VolumeShape, median_row};
-use crate::stereo::{DisparityMap, ExtraPlanes, Reason, RowMut, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::stereo::{ExtraPlanes, Reason, RowMut, StereoPair};
+use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "sgm",
@@ -194,50 +194,40 @@ impl Method for Sgm {
         }))
     }
 
-    fn compute(
-        &self,
-        scratch: &mut Option<Scratch>,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
-    ) {
+    fn compute(&self, scratch: &mut Option<Scratch>, pair: &StereoPair, output: &mut MatchOutput) {
+        let (map, clock) = (&mut output.disparity, &mut output.clock);
         let Some(scratch) = scratch else {
             return map.rows_mut().for_each(|mut row| row.clear(Reason::Border));
         };
         let (isa, last) = (self.isa, pair.size().1 - 1);
-        let Scratch {
-            costs,
-            aggregation,
-            chosen,
-            band_rows,
-            medians,
-            speckles,
-        } = scratch;
-
-        costs.load(isa, pair.left(), pair.right());
+        scratch.costs.load(isa, pair.left(), pair.right());
         clock.lap(Stage::Matching);
 
-        aggregation.choose(
+        scratch.aggregation.choose(
             isa,
-            costs,
+            &scratch.costs,
             pair.left(),
             &self.penalties,
             self.uniqueness,
-            chosen,
+            &mut scratch.chosen,
         );
         clock.lap(Stage::Matching);
 
-        let chosen = &*chosen;
-        map.each_row_mut(*band_rows, medians, |y, row, medians| {
-            if self.median {
-                let rows = [y.saturating_sub(1), y, last.min(y + 1)].map(|y| chosen.left(y));
-                median_row(isa, rows, medians);
-                self.write(chosen, y, medians, row);
-            } else {
-                self.write(chosen, y, chosen.left(y), row);
-            }
-        });
-        if let Some(speckles) = speckles {
+        let chosen = &scratch.chosen;
+        map.each_row_mut(
+            scratch.band_rows,
+            &mut scratch.medians,
+            |y, row, medians| {
+                if self.median {
+                    let rows = [y.saturating_sub(1), y, last.min(y + 1)].map(|y| chosen.left(y));
+                    median_row(isa, rows, medians);
+                    self.write(chosen, y, medians, row);
+                } else {
+                    self.write(chosen, y, chosen.left(y), row);
+                }
+            },
+        );
+        if let Some(speckles) = &mut scratch.speckles {
             speckles.remove(map);
         }
         clock.lap(Stage::Checks);

@@ -29,7 +29,7 @@ pub(super) struct Engine {
     raw: Option<[Gray; 2]>,
     rectified: Option<[Gray; 2]>,
     output: MatchOutput,
-    cells: Cells,
+    pub(super) cells: Cells,
 }
 
 impl Engine {
@@ -176,10 +176,6 @@ impl Engine {
 
     pub(super) fn has_result(&self) -> bool {
         !self.cells.as_slice().is_empty()
-    }
-
-    pub(super) fn cells(&self) -> &Cells {
-        &self.cells
     }
 
     pub(super) fn map(&self) -> &DisparityMap {

@@ -152,13 +152,13 @@ impl Ranger {
             return Err(Error::Panicked);
         };
         let engine = self.engine.insert(engine);
-        result.map(|()| engine.cells())
+        result.map(|()| &engine.cells)
     }
 
     /// The cells of the last pair; `None` before the first, and if the last one failed.
     pub fn last_cells(&self) -> Option<&Cells> {
         let engine = self.engine.as_ref()?;
-        engine.has_result().then(|| engine.cells())
+        engine.has_result().then_some(&engine.cells)
     }
 
     /// The disparity map of the last pair, of the size of rectified images; `None` as of

@@ -12,7 +12,8 @@ use std::ops::RangeInclusive;
 #[derive(Clone, Debug, Default)]
 pub struct AlignmentMeter {
     size: (usize, usize),
-    matches: Vec<PointMatch>,
+    /// The matches collected so far.
+    pub matches: Vec<PointMatch>,
     pairs: usize,
     /// Matches of pairs without any, once the right image is turned back by each of [`Turn::ALL`].
     turned: [usize; 2],
@@ -192,11 +193,6 @@ impl AlignmentMeter {
             others.is_none_or(|o| own.median_abs_px < Self::MAX_FRACTION * o.median_abs_px)
         };
         self.alignment().filter(is_aligned).is_some_and(is_worse)
-    }
-
-    /// The matches collected so far.
-    pub fn matches(&self) -> &[PointMatch] {
-        &self.matches
     }
 
     /// Images that are no pair of a left and a right one, or that no algorithm can match: one

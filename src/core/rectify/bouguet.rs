@@ -1,7 +1,7 @@
 //! Rectification of calibrated cameras by Bouguet's method, as in his Camera Calibration Toolbox
 //! and in OpenCV's `stereoRectify` (Bradski & Kaehler, Learning OpenCV, chapter 12).
 
-use super::framing::{Framing, Pinhole};
+use super::framing::Framing;
 use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
 use crate::stereo::{Rectification, Rig, StereoCalibration, check_upright};
@@ -44,15 +44,11 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
         .unwrap_or_default();
     let [left_rotation, right_rotation] =
         [along * half.inverse(), along * half].map(|q| q.to_rotation_matrix());
-    let Pinhole {
-        size,
-        focal_px,
-        center_px,
-    } = framing.pinhole(&views(calibration, left_rotation, right_rotation))?;
+    let pinhole = framing.pinhole(&views(calibration, left_rotation, right_rotation))?;
     let (baseline, unit) = (calibration.baseline(), calibration.unit());
-    let rig = Rig::in_unit(focal_px, center_px, baseline, 0.0, unit)?;
+    let rig = Rig::in_unit(pinhole.focal_px, pinhole.center_px, baseline, 0.0, unit)?;
     Ok(Rectification {
-        size,
+        size: pinhole.size,
         left: left_rotation,
         right: right_rotation,
         rig,

@@ -77,10 +77,8 @@ fn fundamental(matches: &[PointMatch]) -> Option<Matrix3<f64>> {
     let right = normalisation(matches.iter().map(|m| m.right.to_homogeneous()))?;
     let mut sums = SMatrix::<f64, 9, 9>::zeros();
     for m in matches {
-        let (l, r) = (
-            left * m.left.to_homogeneous(),
-            right * m.right.to_homogeneous(),
-        );
+        let l = left * m.left.to_homogeneous();
+        let r = right * m.right.to_homogeneous();
         let row = (r * l.transpose()).transpose();
         let row = SMatrix::<f64, 9, 1>::from_column_slice(row.as_slice());
         sums += row * row.transpose();

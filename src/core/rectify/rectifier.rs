@@ -18,7 +18,8 @@ pub struct Rectifier {
     left: Remap,
     right: Remap,
     rig: Option<Rig>,
-    rotation: UnitQuaternion<f64>,
+    /// Rotation of the left camera, `X_rectified = rotation · X_left`.
+    pub rotation: UnitQuaternion<f64>,
     /// True if the pairs are rectified already, and stay as they are.
     is_identity: bool,
 }
@@ -68,11 +69,6 @@ impl Rectifier {
     /// The rig of the rectified pairs; `None` if lengths are unknown.
     pub fn rig(&self) -> Option<&Rig> {
         self.rig.as_ref()
-    }
-
-    /// Rotation of the left camera, `X_rectified = rotation · X_left`.
-    pub fn rotation(&self) -> UnitQuaternion<f64> {
-        self.rotation
     }
 
     /// Width and height of the rectified images.

@@ -13,7 +13,7 @@ const SQUARE: f64 = 0.01;
 ///
 /// Depth is `focal_px * baseline_m / (disparity + doffs_px)`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(try_from = "RigNumbers", into = "RigNumbers")]
+#[serde(try_from = "RigNumbers")]
 pub struct Rig {
     focal_px: f64,
     cx_px: f64,
@@ -210,7 +210,7 @@ impl Rig {
 }
 
 /// The numbers of a rig as read from a file, not yet checked.
-#[derive(serde::Serialize, serde::Deserialize)]
+#[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RigNumbers {
     focal_px: f64,
@@ -225,25 +225,6 @@ impl TryFrom<RigNumbers> for Rig {
     type Error = Error;
     fn try_from(n: RigNumbers) -> Result<Self> {
         Self::new(n.focal_px, (n.cx_px, n.cy_px), n.baseline_m, n.doffs_px)
-    }
-}
-
-impl From<Rig> for RigNumbers {
-    fn from(rig: Rig) -> Self {
-        let Rig {
-            focal_px,
-            cx_px,
-            cy_px,
-            baseline_m,
-            doffs_px,
-        } = rig;
-        Self {
-            focal_px,
-            cx_px,
-            cy_px,
-            baseline_m,
-            doffs_px,
-        }
     }
 }
 

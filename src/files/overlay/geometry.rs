@@ -12,7 +12,8 @@ const NEAR_PX: f64 = 80.0;
 /// frame of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearness {
-    near_px: f64,
+    /// The disparity that fills a cell, pixels.
+    pub near_px: f64,
     doffs_px: f64,
 }
 
@@ -44,11 +45,6 @@ impl Nearness {
     /// [`svl_core::stereo::Rig`].
     pub fn new(near_px: f64, doffs_px: f64) -> Self {
         Self { near_px, doffs_px }
-    }
-
-    /// The disparity that fills a cell, pixels.
-    pub fn near_px(&self) -> f64 {
-        self.near_px
     }
 
     /// 0 at infinity, 1 for anything that fills its cell: the nearest distance over that of the
@@ -183,9 +179,9 @@ mod tests {
         let rig = Rig::new(1000.0, (159.5, 119.5), 0.19, 30.0).unwrap();
         let nearness = |rig, truth| Nearness::for_frame(&frame(rig, None, truth));
         let still = nearness(Some(rig), Some(64.0));
-        assert_eq!(still.near_px(), 64.0);
+        assert_eq!(still.near_px, 64.0);
         assert_eq!([64.0, 17.0].map(|d| still.at(d)), [1.0, 0.5]);
-        assert_eq!(nearness(None, Some(16.0)).near_px(), 16.0);
+        assert_eq!(nearness(None, Some(16.0)).near_px, 16.0);
         let unknown = nearness(None, None);
         let found = [20.0, 80.0, 99.0, -1.0].map(|d| unknown.at(d));
         assert_eq!(found, [0.25, 1.0, 1.0, 0.0]);

@@ -27,10 +27,8 @@ impl Picture {
         };
         let code = |x: usize, y: usize| {
             let (columns, rows) = (span(x, w, width), span(y, h, height));
-            let (cx, cy) = (
-                (columns.start + columns.end) / 2,
-                (rows.start + rows.end) / 2,
-            );
+            let cx = (columns.start + columns.end) / 2;
+            let cy = (rows.start + rows.end) / 2;
             let middle = self.codes.get(cx, cy);
             if middle != empty {
                 return middle;

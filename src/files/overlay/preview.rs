@@ -104,10 +104,8 @@ pub fn viridis(t: f32) -> [u8; 3] {
     // There is no colour above the yellow end: the last interval is used.
     let below = (at as usize).min(steps - 1);
     let between = |i: usize| {
-        let (a, b) = (
-            f32::from(COLOURS[below][i]),
-            f32::from(COLOURS[below + 1][i]),
-        );
+        let a = f32::from(COLOURS[below][i]);
+        let b = f32::from(COLOURS[below + 1][i]);
         (a + (at - below as f32) * (b - a)).round() as u8
     };
     [between(0), between(1), between(2)]

@@ -17,8 +17,7 @@ use serial2::SerialPort;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use svl_core::counted;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 use trouble::Trouble;
 
 const VERSION: u32 = 1;
@@ -207,12 +206,8 @@ impl SerialTrigger {
 
     /// Applies an answer to the counts.
     fn apply(&mut self, answer: ControllerAnswer) -> Result<()> {
-        let ControllerAnswer {
-            letter,
-            first,
-            second,
-        } = answer;
-        match letter {
+        let (first, second) = (answer.first, answer.second);
+        match answer.letter {
             // A late answer, or a reset whose announcement was lost: the status decides.
             b'P' if self.is_behind(first) => {}
             b'P' | b'S' => self.set_count(first),

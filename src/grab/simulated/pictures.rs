@@ -63,7 +63,7 @@ impl RenderedPictures {
         go_on: impl Fn() -> bool + Sync,
     ) -> Result<Option<Self>> {
         let board = MovingBoard::new(seed)?;
-        let own = board.truth().left().size();
+        let own = board.truth.left().size();
         if size != own {
             let reason = format!(
                 "sim: the board's pictures are {}x{}, not {}x{}",

@@ -94,10 +94,8 @@ impl Domain {
     fn dds_topic(&self, topic: &LiveTopic, qos: &QosPolicies) -> Result<rustdds::Topic> {
         let schema = topic.schema.replace('/', "::");
         let (package, name) = schema.rsplit_once("::").unwrap_or(("", &schema));
-        let (name, type_name) = (
-            format!("rt{}", topic.name),
-            format!("{package}::dds_::{name}_"),
-        );
+        let type_name = format!("{package}::dds_::{name}_");
+        let name = format!("rt{}", topic.name);
         let made = self
             .participant
             .create_topic(name, type_name, qos, TopicKind::NoKey);

@@ -47,17 +47,13 @@ pub(crate) struct Conflict {
 
 impl std::fmt::Display for Conflict {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            child,
-            parents: [parent, other],
-            apart_m,
-            apart_degrees,
-        } = self;
+        let ([parent, other], child) = (&self.parents, &self.child);
         if parent == other {
+            let (metres, degrees) = (self.apart_m, self.apart_degrees);
             write!(
                 f,
-                "two transforms of '{child}' in '{parent}' differ by {apart_m:.4} m and \
-                 {apart_degrees:.2}°"
+                "two transforms of '{child}' in '{parent}' differ by {metres:.4} m and \
+                 {degrees:.2}°"
             )
         } else {
             write!(f, "'{child}' has two parents, '{parent}' and '{other}'")

@@ -48,7 +48,7 @@ fn measure(
     let cameras: Vec<_> = cameras.collect();
     let pairs = PairReader::new(String::new(), &cameras, selection, false);
     let mut pairs = pairs.map_err(Error::other)?;
-    (pairs.warned_of_stamps, pairs.warned_of_order) = (true, true);
+    pairs.warned.extend(["stamps", "equal stamps"]);
     let (mut meter, mut taken) = (AlignmentMeter::new(), 0);
     for file in recording.files() {
         let mut messages = file.messages()?;

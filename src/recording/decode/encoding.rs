@@ -2,9 +2,8 @@
 //! Foxglove's RawImage.
 
 use super::bayer::Tile;
-use crate::message::ros;
 use crate::message::ros::read::RawPixels;
-use crate::message::{MessageError, MessageResult};
+use crate::message::{MessageError, MessageResult, ros};
 use crate::stream::channel::Channel;
 use Chroma::{Full, Half, Interleaved};
 use Samples::{Bayer8, Bayer16, Color8, Color16, Float32, Float64, Grey8, Grey16};

@@ -24,12 +24,9 @@ pub(crate) fn head(channel: &Channel, data: &[u8]) -> MessageResult<(Option<u64>
             ))
         }
         (_, "json") => {
-            let json::JsonHead {
-                timestamp,
-                frame_id,
-            } = json::read(data)?;
-            let stamp = image::stamp(channel, Some((timestamp.sec, timestamp.nsec)));
-            Ok((stamp, frame_id))
+            let head: json::JsonHead = json::read(data)?;
+            let stamp = Some((head.timestamp.sec, head.timestamp.nsec));
+            Ok((image::stamp(channel, stamp), head.frame_id))
         }
         ("foxglove.RawImage", _) => foxglove!(RawImage),
         ("foxglove.CameraCalibration", _) => foxglove!(CameraCalibration),

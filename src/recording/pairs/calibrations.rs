@@ -231,7 +231,7 @@ impl PairReader {
             let topic = self.calibrations[place].as_deref().unwrap_or_default();
             let late_ns = stamp_ns.saturating_add(MIN_LATE_NS);
             if let Some(first_ns) = track.first_ns().filter(|first_ns| *first_ns > late_ns)
-                && !std::mem::replace(&mut self.warned_of_late_calibration, true)
+                && self.warned.insert("late calibration")
             {
                 tracing::warn!(
                     "{}: {topic}: its first calibration is {:.3} s after the first pair; the pairs \
@@ -254,7 +254,7 @@ impl PairReader {
         // Pairs of a data set have a rig each.
         if let Some((topic, change)) = change
             && self.own.is_none()
-            && !std::mem::replace(&mut self.warned_of_change, true)
+            && self.warned.insert("change")
         {
             self.warn_of_change(&topic, stamps[0], &change);
         }

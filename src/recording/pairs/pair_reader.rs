@@ -2,7 +2,7 @@
 //! recordings.
 
 use super::pair_stamps::PairStamps;
-use super::stamp_order::{PairImage, PairImages, ReadImage};
+use super::stamp_order::{ImagePairing, PairImage, PairImages, ReadImage};
 use super::stamp_pairing::UnpairedImages;
 use crate::cameras::topics::{self, Selection, choose};
 use crate::decode::image;
@@ -12,7 +12,6 @@ use crate::message::{MessageError, MessageResult, geometry};
 
 use super::calibration_wait::CalibrationWait;
 use super::own_topics::OwnTopics;
-use super::stamp_order::ImagePairing;
 use super::steps::StepWatch;
 use super::stream_facts::{CameraFacts, StreamFacts};
 use crate::cameras::baseline::BaselineSearch;
@@ -74,12 +73,9 @@ pub(crate) struct PairReader {
     pub(crate) size: (usize, usize),
     /// The recording's name in warnings.
     pub(crate) name: String,
-    /// True once the user was warned: of a changed calibration, of pairs before the first one, of
-    /// images without a stamp, of images that share one.
-    pub(crate) warned_of_change: bool,
-    pub(crate) warned_of_late_calibration: bool,
-    pub(crate) warned_of_stamps: bool,
-    pub(crate) warned_of_order: bool,
+    /// What the user was warned of: a change of the calibration, a late first one, images without a
+    /// stamp, equal stamps.
+    pub(crate) warned: BTreeSet<&'static str>,
     /// The last stamp of each camera.
     pub(crate) last_ns: [Option<u64>; 2],
     /// Jumps of a live clock; `None` for files, which may have any order.
@@ -153,10 +149,7 @@ impl PairReader {
             pairs: 0,
             size: (0, 0),
             name,
-            warned_of_change: false,
-            warned_of_late_calibration: false,
-            warned_of_stamps: false,
-            warned_of_order: false,
+            warned: BTreeSet::new(),
             last_ns: [None; 2],
             jumps: None,
             watch: None,
@@ -228,7 +221,7 @@ impl PairReader {
     fn check_stamp(&mut self, side: Side, stamp: Option<u64>, log_time: u64) {
         let topic = &self.images[side as usize];
         // A stamp of 0 counts as missing; if the log time is 0 too, it is a stamp.
-        if stamp.is_none() && log_time > 0 && !std::mem::replace(&mut self.warned_of_stamps, true) {
+        if stamp.is_none() && log_time > 0 && self.warned.insert("stamps") {
             tracing::warn!(
                 "{}: {topic}: images without a stamp; the log time, which is later, is used \
                  instead: pairs and their truth may be from different moments",
@@ -252,7 +245,7 @@ impl PairReader {
             self.partners.pairing_mut().forget_later(side, stamp);
         }
         let is_repeated = last == Some(stamp);
-        if is_repeated && !std::mem::replace(&mut self.warned_of_order, true) {
+        if is_repeated && self.warned.insert("equal stamps") {
             tracing::warn!(
                 "{}: {topic}: images share a stamp, {:.3} s; they are paired in the order of the \
                  file: if one is missing, the pairs after it are from different moments",
@@ -291,7 +284,7 @@ impl PairReader {
         let skew = milliseconds(self.max_skew_ns);
         let watch = self.watch.as_ref();
         let shift_ns = watch.and_then(|watch| watch.shift_ns(self.max_skew_ns));
-        let miss = match (self.partners.pairing().nearest_miss_ns(), shift_ns) {
+        let miss = match (self.partners.pairing.nearest_miss_ns, shift_ns) {
             (None, _) => String::new(),
             (_, Some(ns)) => format!(
                 "; by the log times the clock of {right} is off: `--right-offset-ms {:.1}` \
@@ -401,7 +394,7 @@ impl PairReader {
             trigger_id: sequence,
             // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
             skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
-            drops: self.partners.pairing().unpaired_ns().len() as u64,
+            drops: self.partners.pairing.unpaired_ns.len() as u64,
             ..Exposure::default()
         };
         let left = left.and_then(|image| self.pixels(Side::Left, image));
@@ -487,16 +480,16 @@ impl PairReader {
 
     /// The facts so far.
     pub(crate) fn facts(&self) -> StreamFacts {
-        let pairing = self.partners.pairing();
+        let pairing = &self.partners.pairing;
         let facts = StreamFacts {
             topics: self.images.clone(),
             pairs: self.pairs,
-            unpaired_ns: pairing.unpaired_ns().to_vec(),
+            unpaired_ns: pairing.unpaired_ns.to_vec(),
             // An image with a stamp has its partner, even if its pixels cannot be read. If images
             // of both cameras are without, they may be partners of each other.
             partners_of_unreadable: self.without_stamp[0].max(self.without_stamp[1]),
             outside: pairing.outside(),
-            late: pairing.late(),
+            late: pairing.late,
             why_none: self.why_none(),
             ..StreamFacts::from_images(&self.depth, self.side_by_side, self.size)
         };
@@ -560,5 +553,5 @@ pub(crate) fn pair_stamps(
     }
     partners.end();
     pop(&mut partners);
-    (stamps, partners.pairing().unpaired_images())
+    (stamps, partners.pairing.unpaired_images())
 }

@@ -106,7 +106,7 @@ impl<T> StampOrder<T> {
 #[derive(Clone)]
 pub(crate) struct ImagePairing<T> {
     order: Option<StampOrder<(Side, u64, T, usize)>>,
-    pairing: StampPairing<T>,
+    pub(crate) pairing: StampPairing<T>,
     ended: bool,
 }
 
@@ -185,10 +185,6 @@ impl<T> ImagePairing<T> {
     pub(crate) fn end(&mut self) {
         self.ended = true;
         self.order.iter_mut().for_each(StampOrder::end);
-    }
-
-    pub(crate) fn pairing(&self) -> &StampPairing<T> {
-        &self.pairing
     }
 
     pub(crate) fn pairing_mut(&mut self) -> &mut StampPairing<T> {

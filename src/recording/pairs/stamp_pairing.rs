@@ -55,16 +55,17 @@ pub(crate) struct StampPairing<T> {
     bytes: usize,
     ended: bool,
     /// Stamps of the images without a partner.
-    unpaired_ns: Vec<u64>,
+    pub(crate) unpaired_ns: Vec<u64>,
     /// First and last stamp of each camera.
     spans: [Option<(u64, u64)>; 2],
     /// Stamps of the unpaired images of each camera that are outside the span of the other.
     outside: [BTreeSet<u64>; 2],
     /// The smallest skew above the limit.
-    nearest_miss_ns: Option<u64>,
+    pub(crate) nearest_miss_ns: Option<u64>,
     /// Stamp of the latest image of each camera that was dropped for lack of memory.
     crowded_out: [Option<u64>; 2],
-    late: u64,
+    /// Images that arrived after those of their time had been dropped for lack of memory.
+    pub(crate) late: u64,
 }
 
 impl<T> StampPairing<T> {
@@ -124,23 +125,9 @@ impl<T> StampPairing<T> {
         images
     }
 
-    /// Stamps of the images without a partner, while both cameras had images.
-    pub(crate) fn unpaired_ns(&self) -> &[u64] {
-        &self.unpaired_ns
-    }
-
     /// Images without a partner before the other camera's first image or after its last.
     pub(crate) fn outside(&self) -> u64 {
         self.outside.iter().map(|stamps| stamps.len() as u64).sum()
-    }
-
-    /// Images that arrived after those of their time had been dropped for lack of memory.
-    pub(crate) fn late(&self) -> u64 {
-        self.late
-    }
-
-    pub(crate) fn nearest_miss_ns(&self) -> Option<u64> {
-        self.nearest_miss_ns
     }
 
     /// Adds an image of `bytes` bytes; a second one with the same stamp replaces the first.
@@ -326,7 +313,7 @@ mod tests {
 
     /// The numbers of images without a partner, and outside the overlap.
     fn others<T>(partners: &StampPairing<T>) -> [u64; 2] {
-        [partners.unpaired_ns().len() as u64, partners.outside()]
+        [partners.unpaired_ns.len() as u64, partners.outside()]
     }
 
     /// The stamps of the pairs from images in this order, and the numbers of the others.
@@ -409,7 +396,7 @@ mod tests {
         partners.join([200, 700]);
         assert_eq!(partners.pop(), Some([(200, 200), (700, 700)]));
         partners.end();
-        assert_eq!((partners.pop(), partners.unpaired_ns()), (None, &[500][..]));
+        assert_eq!((partners.pop(), &partners.unpaired_ns), (None, &vec![500]));
         assert_eq!((partners.outside(), partners.bytes), (0, 0));
     }
 
@@ -425,7 +412,7 @@ mod tests {
         // That image waits no more.
         partners.join([5, 5]);
         assert_eq!(partners.pop(), None);
-        assert_eq!(partners.unpaired_ns().len(), 100 - MAX_WAITING);
+        assert_eq!(partners.unpaired_ns.len(), 100 - MAX_WAITING);
     }
 
     #[test]
@@ -481,7 +468,7 @@ mod tests {
                 found += popped(&mut partners).len();
             }
             let waiting = partners.waiting[0].len();
-            (found, waiting, others(&partners), partners.late())
+            (found, waiting, others(&partners), partners.late)
         };
         assert_eq!(push(Left, 0..1500), (0, 100, [0, 50], 0));
         // The first fifty are reported as late.

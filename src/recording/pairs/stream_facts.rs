@@ -50,10 +50,10 @@ impl StreamFacts {
     pub fn from_images(depth: &BitDepth, places: Option<SideBySide>, size: (usize, usize)) -> Self {
         let halves = places.and_then(|places| places.doubt(size));
         Self {
-            bits: depth.bits(),
+            bits: depth.bits,
             grey: depth.grey_words(),
             note: depth.note(),
-            doubts: depth.doubts().iter().cloned().chain(halves).collect(),
+            doubts: depth.doubts.iter().cloned().chain(halves).collect(),
             ..Self::default()
         }
     }

@@ -83,7 +83,7 @@ pub(crate) fn pose_summary(
         images,
         placed,
         unusable,
-        faulty: reader.faulty().clone(),
+        faulty: reader.faulty.clone(),
     }))
 }
 

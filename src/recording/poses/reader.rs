@@ -36,7 +36,7 @@ pub(crate) struct PoseReader {
     /// `/tf` has none.
     moving: [BTreeMap<String, Moving>; 2],
     /// Messages that cannot be used, by topic, with the first reason.
-    faulty: BTreeMap<String, (u64, String)>,
+    pub(crate) faulty: BTreeMap<String, (u64, String)>,
     /// The frame that the places so far are in.
     world: Option<String>,
 }
@@ -183,11 +183,6 @@ impl PoseReader {
     /// Reads all poses.
     pub(crate) fn read_all(&mut self) {
         self.read_until("", PoseUse::Place, u64::MAX);
-    }
-
-    /// Messages that cannot be used, by topic, with the first reason.
-    pub(crate) fn faulty(&self) -> &BTreeMap<String, (u64, String)> {
-        &self.faulty
     }
 
     /// All frames that move.

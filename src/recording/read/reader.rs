@@ -36,7 +36,7 @@ pub struct Reader {
     /// Positions of the pairs, once requested.
     index: Option<Option<PairIndex>>,
     /// Sequence of the first pair, also if it cannot be read.
-    first_sequence: u64,
+    pub first_sequence: u64,
     /// The first pair, read on opening the file, after the errors of unreadable pairs before it.
     ahead: VecDeque<Result<Frame>>,
     /// Damage found, reported after the pairs before it.
@@ -168,11 +168,6 @@ impl Reader {
     /// Number of left images according to the file's summary: no more pairs can be made.
     pub fn images(&self) -> Option<u64> {
         self.recording.count(&self.topics[0]).ok()?
-    }
-
-    /// Sequence of the first pair: a part of one of svl's recordings keeps its own.
-    pub fn first_sequence(&self) -> u64 {
-        self.first_sequence
     }
 
     /// The facts of the pairs so far; the counts are final at the end of the recording.

@@ -343,16 +343,11 @@ impl SummaryScan {
     }
 
     fn count_in_topic(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
-        let Channel {
-            topic,
-            schema,
-            encoding,
-            ..
-        } = channel;
-        let topic = self.topics.entry(topic.clone()).or_insert_with(|| Topic {
-            name: topic.clone(),
-            schema: schema.clone(),
-            encoding: encoding.clone(),
+        let topic = self.topics.entry(channel.topic.clone());
+        let topic = topic.or_insert_with(|| Topic {
+            name: channel.topic.clone(),
+            schema: channel.schema.clone(),
+            encoding: channel.encoding.clone(),
             messages: 0,
             bytes: 0,
             start_ns: stamp_ns,

@@ -133,11 +133,7 @@ impl Columns {
         size: (usize, usize),
         options: &ResultOptions,
     ) -> Self {
-        let &ResultOptions {
-            camera_height_m,
-            near_m,
-            ..
-        } = options;
+        let (camera_height_m, near_m) = (options.camera_height_m, options.near_m);
         let flagged_m = |cell: &CellReport| near_m.filter(|_| cell.state == CellState::Near);
         let column = |column: usize| {
             let own = cells.cells.iter().filter(|cell| cell.column == column);

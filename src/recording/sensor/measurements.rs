@@ -83,7 +83,7 @@ impl TopicLatency {
 
 /// The stamps in a recording.
 #[derive(Default)]
-struct StampScan {
+pub(super) struct StampScan {
     pairs: Stamps,
     /// Stamps and indices of the measurements.
     stamps: Stamps,
@@ -91,7 +91,8 @@ struct StampScan {
     starts: Vec<u64>,
     /// Number of measurements without one.
     without_stamp: u64,
-    latency: TopicLatency,
+    /// Log time minus stamp of the measurements and of the left images.
+    pub(super) latency: TopicLatency,
 }
 
 impl StampScan {
@@ -170,11 +171,7 @@ pub(crate) struct Measurements {
     recording: Recording,
     selection: SensorSelection,
     kind: &'static MeasuredKind,
-    pairs: Stamps,
-    stamps: Stamps,
-    latency: TopicLatency,
-    /// Index of the first message of each file.
-    starts: Vec<u64>,
+    pub(super) scan: StampScan,
     messages: Box<dyn EventReader>,
     /// Index of the next file to read, and of the next message.
     next_file: usize,
@@ -203,16 +200,10 @@ impl Measurements {
         pair_stamps: PairStamps,
         look: &mut dyn FnMut(&Channel, u64, &[u8]),
     ) -> Result<MessageResult<Self>> {
-        let StampScan {
-            pairs,
-            stamps,
-            starts,
-            without_stamp,
-            latency,
-        } = StampScan::run(recording, [&selection.topic, left], pair_stamps, look)?;
-        if without_stamp > 0 {
+        let scan = StampScan::run(recording, [&selection.topic, left], pair_stamps, look)?;
+        if scan.without_stamp > 0 {
             let path = recording.path().display();
-            let measurements = counted(without_stamp, "measurement");
+            let measurements = counted(scan.without_stamp, "measurement");
             tracing::warn!(
                 "{path}: {}: {measurements} without a stamp; the log time, which is later, is used \
                  instead",
@@ -225,10 +216,7 @@ impl Measurements {
             recording: recording.clone(),
             selection: selection.clone(),
             kind,
-            pairs,
-            stamps,
-            latency,
-            starts,
+            scan,
             messages: first.messages()?,
             next_file: 1,
             next: 0,
@@ -246,7 +234,8 @@ impl Measurements {
 
     /// Rejects stamps of pairs and measurements from different times.
     fn check_clock(&self) -> MessageResult<()> {
-        let (Some(pairs), Some(measured)) = (self.pairs.range(), self.stamps.range()) else {
+        let (Some(pairs), Some(measured)) = (self.scan.pairs.range(), self.scan.stamps.range())
+        else {
             return Ok(());
         };
         let limit_ns = self.selection.max_skew_ns;
@@ -256,7 +245,7 @@ impl Measurements {
         }
         let range =
             |(first, last): (u64, u64)| format!("{} to {} s", seconds(first), seconds(last));
-        let offset = self.latency.offset_ns().map(|ns| {
+        let offset = self.scan.latency.offset_ns().map(|ns| {
             format!(
                 "; by the log times the clock of the measurements is {:.3} s {}: correct their \
                  stamps and record again",
@@ -277,12 +266,12 @@ impl Measurements {
     fn check_stamps(&mut self) -> MessageResult<()> {
         let (mut by_order, mut unique) = (0, 0);
         let mut fault = None;
-        for &(stamp, _) in &self.pairs.0 {
+        for &(stamp, _) in &self.scan.pairs.0 {
             let limit_ns = self.selection.max_skew_ns;
-            let Some((nearest, _)) = self.stamps.nearest(stamp, limit_ns, |_| true) else {
+            let Some((nearest, _)) = self.scan.stamps.nearest(stamp, limit_ns, |_| true) else {
                 continue;
             };
-            let [pairs, measured] = [self.pairs.at(stamp), self.stamps.at(nearest)];
+            let [pairs, measured] = [self.scan.pairs.at(stamp), self.scan.stamps.at(nearest)];
             let counts = [pairs.len(), measured.len()];
             if counts == [1, 1] {
                 unique += 1;
@@ -331,9 +320,9 @@ impl Measurements {
         let (stamp_ns, limit_ns) = (frame.stamp_ns, self.selection.max_skew_ns);
         self.held
             .retain(|_, (stamp, _)| stamp.saturating_add(limit_ns) >= stamp_ns);
-        let sharing = self.pairs.at(stamp_ns);
+        let sharing = self.scan.pairs.at(stamp_ns);
         if sharing.len() > 1 {
-            let mut pairs = sharing.iter().zip(self.stamps.at(stamp_ns));
+            let mut pairs = sharing.iter().zip(self.scan.stamps.at(stamp_ns));
             let own = pairs.find(|((_, sequence), _)| *sequence == frame.sequence);
             return match own {
                 Some((_, &(_, number))) => self.fetch(number, stamp_ns),
@@ -343,7 +332,7 @@ impl Measurements {
         // If it cannot be read, the pair gets the next nearest.
         loop {
             let readable = |number: u64| !self.unreadable.contains(&number);
-            let Some((nearest_ns, number)) = self.stamps.nearest(stamp_ns, limit_ns, readable)
+            let Some((nearest_ns, number)) = self.scan.stamps.nearest(stamp_ns, limit_ns, readable)
             else {
                 return Ok(None);
             };
@@ -359,13 +348,8 @@ impl Measurements {
     /// True if a map is that of another pair, which is nearer to it: it is the answer to one.
     fn belongs_to_another(&self, measured_ns: u64, pair_ns: u64) -> bool {
         let limit_ns = self.selection.max_skew_ns;
-        let nearest = self.pairs.nearest(measured_ns, limit_ns, |_| true);
+        let nearest = self.scan.pairs.nearest(measured_ns, limit_ns, |_| true);
         self.selection.role == SensorRole::Map && nearest.is_some_and(|(stamp, _)| stamp != pair_ns)
-    }
-
-    /// Log time minus stamp of the measurements and of the left images.
-    pub(crate) fn latency(&self) -> &TopicLatency {
-        &self.latency
     }
 
     /// Reads on to a message, or again from the start of its file. Others on the way that later
@@ -377,7 +361,7 @@ impl Measurements {
         if self.unreadable.contains(&number) {
             return Ok(None);
         }
-        let file = self.starts.partition_point(|first| *first <= number) - 1;
+        let file = self.scan.starts.partition_point(|first| *first <= number) - 1;
         if number < self.next || file >= self.next_file {
             self.go_to(file)?;
         }
@@ -412,7 +396,7 @@ impl Measurements {
                 }
                 Ok(Some(_)) => {}
                 // Damage is reported with the pairs.
-                Ok(None) | Err(_) if self.next_file < self.starts.len() => {
+                Ok(None) | Err(_) if self.next_file < self.scan.starts.len() => {
                     self.go_to(self.next_file)?;
                 }
                 // The file has changed since.
@@ -433,7 +417,7 @@ impl Measurements {
     fn go_to(&mut self, file: usize) -> Result<()> {
         if let Some(found) = self.recording.files().nth(file) {
             self.messages = found.messages()?;
-            self.next = self.starts[file];
+            self.next = self.scan.starts[file];
             self.next_file = file + 1;
         }
         Ok(())

@@ -35,8 +35,10 @@ pub struct SensorTopic {
     /// Projection of measurements into the left camera of the last pair.
     view: Option<(PairCamera, View)>,
     poses: Option<PoseReader>,
-    without: u64,
-    jumped: u64,
+    /// Number of pairs so far without a measurement.
+    pub without: u64,
+    /// Number of measurements so far that are not used, as the poses around them jump.
+    pub jumped: u64,
     /// True once the user was warned of a measurement that is not of the pair's time.
     warned_of_time: bool,
 }
@@ -134,7 +136,7 @@ impl SensorTopic {
         let mut setup = setup.map_err(unusable)?;
         let frame = setup.sensor_frame();
         let sensor_frame = if kind.is_own() { "" } else { frame }.to_owned();
-        let sensor = (sensor_frame.as_str(), setup.unit_m());
+        let sensor = (sensor_frame.as_str(), setup.unit_m);
         let mut conflict = None;
         let mut look = |channel: &Channel, log_time: u64, data: &[u8]| {
             setup.take_in(channel, log_time, data);
@@ -199,19 +201,9 @@ impl SensorTopic {
         &self.selection.topic
     }
 
-    /// Number of pairs so far without a measurement.
-    pub fn without(&self) -> u64 {
-        self.without
-    }
-
-    /// Number of measurements so far that are not used, as the poses around them jump.
-    pub fn jumped(&self) -> u64 {
-        self.jumped
-    }
-
     /// Log time minus stamp of the measurements and of the left images.
     pub fn latency(&self) -> &TopicLatency {
-        self.measurements.latency()
+        &self.measurements.scan.latency
     }
 
     /// Disparities of the left image from the nearest measurement within the limit, if any.

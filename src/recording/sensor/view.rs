@@ -70,7 +70,7 @@ pub(crate) struct SensorSetup {
     /// The transforms up to the one that leads to the floor.
     with_floor: Transforms,
     /// Metres per step of the depth images, if the recording says so.
-    unit_m: Option<f32>,
+    pub(crate) unit_m: Option<f32>,
     /// Names of the left camera's frame and of the sensor's.
     frames: [String; 2],
 }
@@ -248,11 +248,6 @@ impl SensorSetup {
                 camera.translation.z
             ))
         })
-    }
-
-    /// Metres per step of the depth images, if the recording says so.
-    pub(crate) fn unit_m(&self) -> Option<f32> {
-        self.unit_m
     }
 
     /// A transform between sensor and camera in a message that differs from the one used.

@@ -293,7 +293,7 @@ impl ArenaWorld {
     /// Outlines in the plane of everything lower than `height_m`, walls included: closed strips of
     /// points, metres.
     pub fn plan(&self, height_m: f64) -> Vec<Vec<[f64; 2]>> {
-        let solids = self.scene.objects.solids().iter();
+        let solids = self.scene.objects.solids.iter();
         solids
             .filter_map(|solid| solid.outline_below(height_m))
             .collect()

@@ -7,7 +7,7 @@ use super::view::Candidates;
 /// The four walls, then blocks, then balls, in the order of the configuration.
 pub(super) struct Objects {
     names: Vec<String>,
-    solids: Vec<Solid>,
+    pub(super) solids: Vec<Solid>,
 }
 
 /// Walls of the arena: the first objects.
@@ -32,10 +32,6 @@ impl Objects {
                 .chain(world.balls.iter().map(Solid::ball))
                 .collect(),
         }
-    }
-
-    pub(super) fn solids(&self) -> &[Solid] {
-        &self.solids
     }
 
     pub(super) fn named(&self) -> impl Iterator<Item = (&str, &Solid)> {
@@ -64,12 +60,7 @@ impl Objects {
 
 /// The arena's walls, inner faces on the floor's border.
 fn walls(world: &WorldConfig) -> [Block; 4] {
-    let WorldConfig {
-        width_m: w,
-        length_m: l,
-        wall_height_m: h,
-        ..
-    } = *world;
+    let (w, l, h) = (world.width_m, world.length_m, world.wall_height_m);
     let wall = |name: &str, at_m, length: f64, heading_deg| Block {
         name: name.into(),
         at_m,

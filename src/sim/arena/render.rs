@@ -84,7 +84,7 @@ impl SharpImage {
             scene,
             view,
             lens,
-            candidates: Candidates::new(view, scene.objects.solids(), size),
+            candidates: Candidates::new(view, &scene.objects.solids, size),
         };
         let nothing = Hit {
             t: f32::INFINITY,
@@ -106,11 +106,9 @@ impl SharpImage {
             .enumerate()
             .for_each(|(y, radiance)| {
                 let row = |y: usize| &hits[y * width..][..width];
-                let (above, here, below) = (
-                    row(y.saturating_sub(1)),
-                    row(y),
-                    row((y + 1).min(height - 1)),
-                );
+                let above = row(y.saturating_sub(1));
+                let here = row(y);
+                let below = row((y + 1).min(height - 1));
                 for (x, value) in radiance.iter_mut().enumerate() {
                     let own = here[x].surface;
                     let around = [
@@ -141,7 +139,7 @@ pub(super) fn disparity(
     rig: &Rig,
     (width, height): (usize, usize),
 ) -> svl_core::Result<Plane<f32>> {
-    let candidates = Candidates::new(view, scene.objects.solids(), (width, height));
+    let candidates = Candidates::new(view, &scene.objects.solids, (width, height));
     let focal_baseline = (rig.focal_px() * rig.baseline_m()) as f32;
     let mut disparity = vec![0.0; width * height];
     let rows = disparity.par_chunks_exact_mut(width).enumerate();
@@ -167,7 +165,7 @@ pub(super) fn truth(
 ) -> svl_core::Result<Truth> {
     let width = left.width;
     let size = (width, left.hits.len() / width);
-    let candidates = Candidates::new(right_view, scene.objects.solids(), size);
+    let candidates = Candidates::new(right_view, &scene.objects.solids, size);
     let focal_baseline = (rig.focal_px() * rig.baseline_m()) as f32;
     let to_right = left_view.origin - right_view.origin;
     let mut disparity = vec![f32::INFINITY; left.hits.len()];

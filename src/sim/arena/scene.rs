@@ -54,7 +54,7 @@ impl Hit {
 impl ArenaScene {
     /// The geometry of `world` with the given objects.
     pub(super) fn new(world: &WorldConfig, objects: Objects) -> Self {
-        let solids = objects.solids();
+        let solids = &objects.solids;
         let mut end_m = 0.0;
         let piece = |(i, solid): (usize, &Solid)| {
             let girth_m = solid.girth_m();
@@ -83,7 +83,7 @@ impl ArenaScene {
 
     /// Paints the textures of `world`, from which it was built.
     pub(super) fn paint(&mut self, world: &WorldConfig, seed: u64) {
-        let solids = self.objects.solids();
+        let solids = &self.objects.solids;
         let light = |x: f32, y: f32| {
             let near =
                 |solid: &Solid| (1.0 - solid.distance(&Vec3::new(x, y, 0.0)) / 0.09).max(0.0);
@@ -185,7 +185,7 @@ impl ArenaScene {
             }
             solid => {
                 let index = usize::from(solid >> 3);
-                let surface = self.objects.solids()[index].surface(&point, (solid & 7) as u8);
+                let surface = self.objects.solids[index].surface(&point, (solid & 7) as u8);
                 let u_m = surface.u_m + self.pieces_m[index];
                 let axes = (surface.u_axis, surface.v_axis);
                 let at = footprint(

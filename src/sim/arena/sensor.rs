@@ -63,11 +63,9 @@ fn soften(sharp: &[f32], width: usize, sigma_px: f32) -> Vec<f32> {
         || vec![0.0; width],
         |column, (y, soft)| {
             let row = |y: usize| &sharp[y * width..][..width];
-            let (above, here, below) = (
-                row(y.saturating_sub(1)),
-                row(y),
-                row((y + 1).min(height - 1)),
-            );
+            let above = row(y.saturating_sub(1));
+            let here = row(y);
+            let below = row((y + 1).min(height - 1));
             for (x, value) in column.iter_mut().enumerate() {
                 *value = center * here[x] + side * (above[x] + below[x]);
             }

@@ -101,10 +101,8 @@ impl Solid {
                     _ => (2, Vec3::x(), Vec3::y()),
                 };
                 let spread = radius / normal[axis].abs();
-                let (u_m, v_m) = (
-                    u_axis.dot(&normal) * spread,
-                    radius + v_axis.dot(&normal) * spread,
-                );
+                let u_m = u_axis.dot(&normal) * spread;
+                let v_m = radius + v_axis.dot(&normal) * spread;
                 SurfacePoint {
                     normal,
                     u_m,

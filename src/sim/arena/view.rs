@@ -42,10 +42,8 @@ impl PinholeView {
 
     /// Direction of the pixel (`x`, `y`) in camera axes, scaled to depth 1.
     pub(super) fn slope(&self, x: f32, y: f32) -> (f32, f32) {
-        let (dx, dy) = (
-            x - self.center_px.0,
-            y - self.center_px.1 - self.skew.row_offset_px,
-        );
+        let dx = x - self.center_px.0;
+        let dy = y - self.center_px.1 - self.skew.row_offset_px;
         // Roll is a fraction of a degree: the cosine is one to a millionth.
         let sin = self.skew.sin_roll;
         (

@@ -35,7 +35,7 @@ fn run(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
         context.step()?;
         let left = frame.pair.left();
         let windows = FilterWindows::new(kind, SIDE, left.size(), GridShape::default())?;
-        for &at in windows.corners() {
+        for &at in &windows.corners {
             let label = |truth| true_label(kind, truth, at, SIDE, TrainSettings::RANGE_PX);
             let Some(is) = frame.truth.as_ref().and_then(label) else {
                 continue;

@@ -94,18 +94,13 @@ impl FindingsPage<'_> {
 
 impl ExperimentFinding {
     fn json(&self) -> Value {
-        let (experiment, finding) = (self.experiment, &self.finding);
-        json!({
-            "figure": experiment.figure(),
-            "title": experiment.title,
-            "claim": experiment.claim,
-            "method": experiment.method,
-            "verdict": finding.verdict(),
-            "why": finding.why,
-            "conditions": finding.conditions,
-            "quantities": finding.quantities,
-            "tables": finding.tables,
-        })
+        let mut json = json!(self.finding);
+        json["figure"] = json!(self.experiment.figure());
+        json["title"] = json!(self.experiment.title);
+        json["claim"] = json!(self.experiment.claim);
+        json["method"] = json!(self.experiment.method);
+        json["verdict"] = json!(self.finding.verdict());
+        json
     }
 
     /// For the template: also with plots and pictures.

@@ -76,7 +76,7 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
     let args = format!("calibrate board {source} --square-m 0.03 --yes --json -o calib.xml");
     let answer = fixture.json(&args);
     let truth = MovingBoard::new(1).unwrap();
-    let truth = truth.truth();
+    let truth = &truth.truth;
     let solution = &answer["solution"];
     for (side, camera) in [("left", truth.left()), ("right", truth.right())] {
         let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());

@@ -43,12 +43,12 @@ fn opencvs_own_pictures_calibrate_no_worse_than_with_opencv() {
             Err(refusal) => println!("{number}: {refusal}"),
         }
     }
-    assert!(chooser.views().len() >= 12, "{}", chooser.views().len());
+    assert!(chooser.views.len() >= 12, "{}", chooser.views.len());
     let solution = solve(
         &board,
         (640, 480),
         DistortionModel::PlumbBob,
-        chooser.views(),
+        &chooser.views,
     )
     .unwrap();
     let style = TerminalStyle::plain(100);

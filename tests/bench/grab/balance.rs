@@ -53,10 +53,10 @@ const LIMITS: Limits = Limits::new(100..=10_000, 0..=12_000);
 fn settle(mut balance: Balance, images: [u8; 2]) -> Settings {
     let images = images.map(|grey| Gray::filled(64, 48, grey).unwrap());
     for _ in 0..100 {
-        let settings = balance.settings();
+        let settings = balance.settings;
         balance.observe(&images[0], &images[1], settings);
     }
-    balance.settings()
+    balance.settings
 }
 
 #[test]
@@ -95,7 +95,7 @@ impl Before {
     fn settle(&self, balance: &mut Balance) -> Vec<Settings> {
         let mut settings = Vec::new();
         for _ in 0..100 {
-            let asked = balance.settings();
+            let asked = balance.settings;
             let pixels: Vec<_> = self
                 .greys(asked)
                 .into_iter()
@@ -123,7 +123,7 @@ impl Before {
     /// It has converged, and is neither too bright nor, if it responds in proportion, too dark.
     fn is_right(&self, balance: &mut Balance) -> Result<(), String> {
         let changes = self.settle(balance);
-        let settings = balance.settings();
+        let settings = balance.settings;
         let (mean, bright) = self.view(settings);
         let said = format!("{settings:?}: mean {mean}, bright {bright}, {changes:?}");
         let least = settings == Settings::new(100, 0);
@@ -185,10 +185,10 @@ fn pairs_from_before_a_change_do_not_count() {
     let mut balance = Balance::new(LIMITS, begin, 1);
     let dark = Gray::filled(64, 48, 50).unwrap();
     balance.observe(&dark, &dark, begin);
-    let once = balance.settings();
+    let once = balance.settings;
     assert_eq!(once, Settings::new(2_000, 0));
     balance.observe(&dark, &dark, begin);
-    assert_eq!(balance.settings(), once, "or it would overshoot");
+    assert_eq!(balance.settings, once, "or it would overshoot");
 }
 
 #[test]

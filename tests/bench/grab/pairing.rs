@@ -85,11 +85,11 @@ proptest! {
         let mut pairing = Pairing::new(rule);
         let count = arrivals.len() as u64;
         let pairs = paired(&mut pairing, arrivals).concat();
-        prop_assert_eq!(2 * pairs.len() as u64 + pairing.unpaired().iter().sum::<u64>(), count);
+        prop_assert_eq!(2 * pairs.len() as u64 + pairing.unpaired.iter().sum::<u64>(), count);
         if rule == Rule::Arrival {
-            prop_assert_eq!(pairing.unpaired()[Unpaired::Overdue as usize], 0, "there is room");
+            prop_assert_eq!(pairing.unpaired[Unpaired::Overdue as usize], 0, "there is room");
         } else {
-            prop_assert!(pairing.unpaired()[Unpaired::Unfinished as usize] <= WAITING as u64 + 1);
+            prop_assert!(pairing.unpaired[Unpaired::Unfinished as usize] <= WAITING as u64 + 1);
         }
         for [left, right] in &pairs {
             prop_assert_eq!(left.ordered, right.ordered);

@@ -55,7 +55,7 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
     let scan = Message::cdr("/scan", "sensor_msgs/msg/LaserScan", 9, vec![1]);
     let saved = Bag::new((0..10).flat_map(pair)).and([scan]).saved();
     let mut source = RecordingSource::open(&saved).unwrap();
-    assert!(source.reader().facts().remarks.is_empty() && source.reader().header().is_none());
+    assert!(source.reader.facts().remarks.is_empty() && source.reader.header().is_none());
     for i in 0..10 {
         let frame = source.next().unwrap().unwrap();
         // The header's stamp counts, not log time.

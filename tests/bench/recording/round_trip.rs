@@ -171,9 +171,9 @@ fn header_attachments_and_length_come_back() {
     assert_eq!(attachment(&path, "calibration.xml").unwrap(), None);
     let mut source = RecordingSource::open(&path).unwrap();
     assert_eq!(source.pairs(), Some(7));
-    assert_eq!(source.reader().header(), Some(&written));
+    assert_eq!(source.reader.header(), Some(&written));
     assert_eq!(source.next().unwrap().unwrap().sequence, 0);
-    assert!(source.reader().facts().unpaired_ns.is_empty());
+    assert!(source.reader.facts().unpaired_ns.is_empty());
 }
 
 #[test]
@@ -249,7 +249,7 @@ fn a_recording_is_opened_once() {
     let mut source = RecordingSource::new(recording.clone(), &selection).unwrap();
     assert_eq!(source.pairs(), Some(3));
     assert_eq!(source.scenario().unwrap().as_deref(), Some("name = 'x'"));
-    assert_eq!(source.reader().header().unwrap().source, "test");
+    assert_eq!(source.reader.header().unwrap().source, "test");
     assert_eq!(std::iter::from_fn(|| source.next().unwrap()).count(), 3);
     assert_eq!(recording.header().unwrap().source, "test");
     assert_eq!(recording.calibration_files().unwrap()[0].0, "rig.yml");

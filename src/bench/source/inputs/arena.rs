@@ -37,9 +37,7 @@ impl ArenaSource {
             ready: VecDeque::new(),
         }
     }
-}
 
-impl ArenaSource {
     /// Hash of everything that the pixels of a run depend on.
     pub fn hash(config: &ArenaConfig, seed: u64) -> String {
         // A configuration is plain numbers and text, which JSON can hold.

@@ -14,7 +14,8 @@ pub struct CameraSource {
     grabber: Grabber,
     stopped: fn() -> bool,
     pairs: u64,
-    seed: Option<u64>,
+    /// The seed of the images, if they depend on one.
+    pub seed: Option<u64>,
     /// Pairs a second that were asked for.
     asked_hz: Option<f64>,
     /// Stamps of the first and the last pair.
@@ -37,11 +38,6 @@ impl CameraSource {
         source.seed = request.seed.or(default_seed);
         source.asked_hz = request.rate_hz;
         Ok(source)
-    }
-
-    /// The seed of the images, if they depend on one.
-    pub fn seed(&self) -> Option<u64> {
-        self.seed
     }
 
     /// A source of a running grabber. `stopped` is polled while no pair comes.

@@ -15,7 +15,8 @@ use svl_score::losses::Losses;
 /// A damaged recording ends with one [`svl_core::Error::Damaged`], after which there are no more
 /// frames: a run may show it and still score the frames before it.
 pub struct RecordingSource {
-    reader: Reader,
+    /// The reader, for its header and facts.
+    pub reader: Reader,
     selection: Selection,
     unreadable: u64,
 }
@@ -51,11 +52,6 @@ impl RecordingSource {
             found => Ok(found?.and_then(|bytes| String::from_utf8(bytes).ok())),
         }
     }
-
-    /// The reader, for its header and facts.
-    pub fn reader(&self) -> &Reader {
-        &self.reader
-    }
 }
 
 impl Source for RecordingSource {
@@ -85,7 +81,7 @@ impl Source for RecordingSource {
 
     fn numbers(&self) -> Option<RangeInclusive<u64>> {
         let pairs = self.pairs().or_else(|| self.reader.images())?;
-        let first = self.reader.first_sequence();
+        let first = self.reader.first_sequence;
         Some(first..=first.checked_add(pairs.checked_sub(1)?)?)
     }
 

@@ -6,8 +6,7 @@ use svl_core::doubt::{AlignmentCure, Doubt};
 use svl_core::rectify::{AlignmentMeter, RectificationMeter};
 use svl_core::stereo::{Frame, Geometry, Rig, StereoPair};
 use svl_core::{Error, Result};
-use svl_recording::Selection;
-use svl_recording::warn_of;
+use svl_recording::{Selection, warn_of};
 
 /// A source that measures a few of its pairs, and warns once if they are vertically misaligned, if
 /// their images are turned, exchanged or one picture, or beyond the range that is searched.
@@ -160,7 +159,7 @@ pub fn only_pair(source: Box<dyn Source>, range: RangeInclusive<i32>) -> Result<
     let name = monitor.name();
     let meter = &monitor.alignment.meter;
     if meter.alignment().is_none() && monitor.doubt().is_none() {
-        let points = meter.matches().len();
+        let points = meter.matches.len();
         tracing::warn!("{name}: alignment not measured ({points} points)");
     }
     let skew_ns = frame.exposure.skew_ns.unwrap_or_default();

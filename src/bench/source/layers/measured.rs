@@ -247,8 +247,8 @@ impl Source for MeasuredSource<'_> {
         }
         let (without_truth, jumped) = match &self.measured.truth {
             None => return self.source.finish(taken),
-            Some(MeasuredMaps::Topic(truth)) => (truth.without(), truth.jumped()),
-            Some(MeasuredMaps::Files(truth)) => (truth.without(), 0),
+            Some(MeasuredMaps::Topic(truth)) => (truth.without, truth.jumped),
+            Some(MeasuredMaps::Files(truth)) => (truth.without, 0),
         };
         Losses {
             without_truth,

@@ -92,7 +92,7 @@ impl<'a> RectifiedSource<'a> {
             // The pose is that of the left camera, which rectification rotates.
             pose: frame
                 .pose
-                .map(|pose| pose * self.rectifier.rotation().inverse()),
+                .map(|pose| pose * self.rectifier.rotation.inverse()),
             ..frame
         })
     }

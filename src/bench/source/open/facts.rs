@@ -131,7 +131,7 @@ impl SourceFacts {
         // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
             let is_sought = pairs.is_off() && stamps_ns.len() < MISALIGNED_PAIRS;
-            if pairs.meter.matches().len() < MAX_POINTS || is_sought {
+            if pairs.meter.matches.len() < MAX_POINTS || is_sought {
                 pairs.add(&frame);
                 pairs.keep(Some(&frame));
             }
@@ -210,9 +210,7 @@ impl SourceFacts {
             },
         })
     }
-}
 
-impl SourceFacts {
     /// The contradictions of calibration, pairs and truths.
     pub(super) fn all_doubts(&self) -> impl Iterator<Item = &Doubt> {
         let truths = self.truths.iter().flat_map(|truth| &truth.doubts);

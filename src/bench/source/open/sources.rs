@@ -120,12 +120,7 @@ impl SourceKind {
 
     /// True if it is named by a path, which must exist.
     fn is_path(&self) -> bool {
-        match self.origin {
-            SourceOrigin::Simulated { .. } | SourceOrigin::Cameras | SourceOrigin::Topics(_) => {
-                false
-            }
-            SourceOrigin::Recording | SourceOrigin::Folder | SourceOrigin::File => true,
-        }
+        !self.is_simulated() && !self.is_live()
     }
 
     fn is_recording(&self) -> bool {
@@ -425,7 +420,7 @@ fn cameras(request: &Request<'_>) -> Result<Opened> {
     };
     let source = CameraSource::open(name, &grab, request.host)?;
     let header = Header {
-        seed: source.seed(),
+        seed: source.seed,
         ..Header::new(name)
     };
     let driver = name.split(':').next().unwrap_or(name);
@@ -438,7 +433,7 @@ fn cameras(request: &Request<'_>) -> Result<Opened> {
 fn recorded(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
     let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
-    let reader = source.reader();
+    let reader = &source.reader;
     let (facts, truth) = (reader.facts(), request.truth());
     // A recording of svl's has its own truth, unless another is named.
     let own = reader.header().map(|_| TRUTH_DEPTH);
@@ -603,23 +598,15 @@ fn is_file(name: &str, extensions: &[&str]) -> bool {
 
 /// Refuses options that the source does not accept: they would have no effect.
 fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
-    let GrabRequest {
-        trigger,
-        rate_hz,
-        pairing,
-        queue,
-        when_full,
-        timeout,
-        ..
-    } = &request.grab;
+    let grab = &request.grab;
     let camera_options = [
         ("seed", request.seed.is_some()),
-        ("trigger", trigger.is_some()),
-        ("rate", rate_hz.is_some()),
-        ("pairing", pairing.is_some()),
-        ("queue", queue.is_some()),
-        ("when_full", when_full.is_some()),
-        ("timeout", timeout.is_some()),
+        ("trigger", grab.trigger.is_some()),
+        ("rate", grab.rate_hz.is_some()),
+        ("pairing", grab.pairing.is_some()),
+        ("queue", grab.queue.is_some()),
+        ("when_full", grab.when_full.is_some()),
+        ("timeout", grab.timeout.is_some()),
     ];
     let given = camera_options.iter().filter(|(_, given)| *given);
     let mut given: Vec<_> = given.map(|(key, _)| (*key).to_owned()).collect();

@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         if let Some(doubt) = doubt {
             return Err(Error::format(name, doubt).into());
         }
-        let points = meter.matches().len();
+        let points = meter.matches.len();
         bail!(
             "{name}: too few points matched between both images ({points}): show the cameras \
              something textured"

@@ -116,7 +116,7 @@ pub(super) fn collect(
     report_losses(&opened.source.name(), &opened.source.finish(found.pairs));
     if let Some(chooser) = chooser {
         found.missing = chooser.missing();
-        found.views = chooser.views().to_vec();
+        found.views = chooser.views.to_vec();
     }
     Ok(found)
 }
@@ -129,7 +129,7 @@ fn progress(chooser: &Chooser, word: &str) -> String {
     } else {
         format!("; still missing: {missing}")
     };
-    let accepted = chooser.views().len();
+    let accepted = chooser.views.len();
     format!("{accepted} of {SUFFICIENT_VIEWS} accepted, last {word}{missing}")
 }
 

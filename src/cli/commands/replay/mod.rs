@@ -6,9 +6,8 @@ mod verify;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
-use crate::cli::shared::source;
-use crate::cli::shared::usage;
 use crate::cli::shared::viewer::RerunChoice;
+use crate::cli::shared::{source, usage};
 use clap::builder::NonEmptyStringValueParser;
 use plan::Plan;
 use std::path::PathBuf;

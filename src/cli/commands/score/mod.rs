@@ -18,7 +18,9 @@ use svl::evaluation::{
     Again, Algorithms, ChosenViewer, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard,
 };
 use svl::outputs::{Outputs, write};
-use svl::report::{BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit};
+use svl::report::{
+    BuildOptions, BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit,
+};
 use svl::scenario::{RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
@@ -243,10 +245,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             (false, false) => Again::Missing,
         },
         prune: args.prune,
-        area: args.area.area,
-        sort: args.sort,
-        gate: args.gate,
-        figures: args.figures.as_deref(),
+        shown: BuildOptions {
+            area: args.area.area,
+            sort: args.sort,
+            gate: args.gate,
+            figures: args.figures.as_deref(),
+            ..BuildOptions::default()
+        },
         viewer: chosen_viewer(args, &folder)?,
     };
     junit.outputs.begin()?;
@@ -331,13 +336,9 @@ impl<'a> JunitFile<'a> {
 
 /// Prints the report, and checks the limits that were asked for.
 fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> anyhow::Result<()> {
-    let Evaluation {
-        report,
-        ran,
-        session,
-    } = evaluated;
-    let Some(report) = report else {
-        ran?;
+    let session = evaluated.session;
+    let Some(report) = evaluated.report else {
+        evaluated.ran?;
         let folder = folder.display();
         return print(&format!(
             "{folder}: this shard is complete; the last of the others builds the report, or `svl \
@@ -351,7 +352,7 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
     if session.is_none() && args.asks_for_rerun() {
         tracing::warn!("nothing was matched, so Rerun shows nothing; --force matches all again");
     }
-    ran?;
+    evaluated.ran?;
     let BuiltReport { summary, gate, .. } = report;
     match (args.gate, args.check) {
         (true, _) => pass_gate(&gate)?,

@@ -6,13 +6,12 @@ use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::Path;
-use svl::counted;
 use svl::filter::without_filters;
 use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write};
-use svl::runs;
 use svl::scenario::{Limit, PRIOR, Scenario, distinct_kinds};
 use svl::train::{scenario_filters, with_filters};
+use svl::{counted, runs};
 
 /// The description of the run: the scenario that is named, or one of the recordings that are named,
 /// changed by the options.

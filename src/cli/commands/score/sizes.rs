@@ -52,10 +52,7 @@ struct CellTolerance {
 }
 
 fn shape(text: &str) -> Result<GridShape, String> {
-    let side = |text: &str| text.parse().ok().filter(|n| (1..=MAX_GRID).contains(n));
-    let sides = text.split_once('x');
-    let sides = sides.and_then(|(columns, rows)| Some((side(columns)?, side(rows)?)));
-    let shape = sides.map(|(columns, rows)| GridShape { columns, rows });
+    let shape = usage::grid(text, MAX_GRID);
     shape.ok_or_else(|| format!("expected COLUMNSxROWS, as 8x4, each 1 to {MAX_GRID}"))
 }
 

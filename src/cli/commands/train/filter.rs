@@ -11,8 +11,7 @@ use svl::manifest::Manifest;
 use svl::outputs::{Outputs, write};
 use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
-use svl::train::TrainSettings;
-use svl::train::{LabelledInputs, train, windows};
+use svl::train::{LabelledInputs, TrainSettings, train, windows};
 
 /// Train a filter: floor, or too close to be matched
 ///

@@ -136,7 +136,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (Some(sampler), store)
     };
     let mut stepper = Stepper::new(&name, store)?;
-    let frame = stepper.frame();
+    let frame = &stepper.frame;
     let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
         algorithm: algorithm.filtered(&filters),
         grid: tuned.judge.grid,

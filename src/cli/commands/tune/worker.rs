@@ -14,8 +14,7 @@ use svl::pass::{Matchers, Monitor, Pace};
 use svl::report::Row;
 use svl::report::compare::changes;
 use svl::score::{Judge, Judged, METRICS, Metric};
-use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene};
-use svl::sink::{WatchSink, finish};
+use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene, WatchSink, finish};
 use svl::stereo::Frame;
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
 
@@ -335,7 +334,7 @@ impl Bench {
             while !is_interrupted() && sampler.step()? {}
         }
         let frames: Vec<_> = match &self.sampler {
-            Some(sampler) => sampler.frames().to_vec(),
+            Some(sampler) => sampler.frames.to_vec(),
             None => self.seen.iter().cloned().collect(),
         };
         shared.0.lock().shown.sample.frames = frames.len();

@@ -105,10 +105,12 @@ struct LineEdit<T> {
 
 /// The place in a source, and what the user is asked.
 pub(crate) struct Stepper<'a, T> {
-    name: String,
+    /// Name of the source.
+    pub(crate) name: String,
     store: FrameStore<'a>,
     index: u64,
-    frame: Arc<Frame>,
+    /// The frame that is shown.
+    pub(crate) frame: Arc<Frame>,
     /// Display time of a frame during playback.
     period: Duration,
     /// Time of the next frame; `None` unless playing.
@@ -153,19 +155,9 @@ impl<'a, T> Stepper<'a, T> {
         })
     }
 
-    /// The frame that is shown.
-    pub(crate) fn frame(&self) -> &Arc<Frame> {
-        &self.frame
-    }
-
     /// Stamp of the source's first pair, which may be before its range.
     pub(crate) fn start_ns(&self) -> u64 {
         self.store.start_ns().unwrap_or(self.frame.stamp_ns)
-    }
-
-    /// Name of the source.
-    pub(crate) fn name(&self) -> &str {
-        &self.name
     }
 
     /// Shows a message until the next key.

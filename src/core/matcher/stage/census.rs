@@ -47,15 +47,9 @@ impl CostVolume {
     pub fn load(&mut self, isa: Isa, left: &Gray, right: &Gray) {
         self.left.load(isa, left);
         self.right.load(isa, right);
-        let Self {
-            shape,
-            left,
-            right,
-            outside,
-            costs,
-        } = self;
-        each_row(costs, shape.stride(), 4, |y, row| {
-            census_costs(isa, shape, left.row(y), right.row(y), outside, row)
+        each_row(&mut self.costs, self.shape.stride(), 4, |y, row| {
+            let (left, right) = (self.left.row(y), self.right.row(y));
+            census_costs(isa, &self.shape, left, right, &self.outside, row)
         });
     }
 
@@ -86,25 +80,20 @@ impl Census {
 
     fn load(&mut self, isa: Isa, image: &Gray) {
         let ([reach_x, reach_y], (width, height)) = (CENSUS_REACH, image.size());
-        let Self {
-            stride,
-            padded,
-            bytes,
-        } = self;
         let padded_width = width + 2 * reach_x;
-        each_row(padded, padded_width, 16, |y, out| {
+        each_row(&mut self.padded, padded_width, 16, |y, out| {
             let row = image.row(y);
             // Replicated at the sides here and at the top and bottom below, where rows are chosen.
             out[..reach_x].fill(row[0]);
             out[reach_x..][..width].copy_from_slice(row);
             out[reach_x + width..].fill(row[width - 1]);
         });
-        each_row(bytes, *stride * CENSUS_BYTES, 4, |y, out| {
+        each_row(&mut self.bytes, self.stride * CENSUS_BYTES, 4, |y, out| {
             let rows = std::array::from_fn(|k| {
                 let y = (y + k).saturating_sub(reach_y).min(height - 1);
-                &padded[y * padded_width..][..padded_width]
+                &self.padded[y * padded_width..][..padded_width]
             });
-            census_row(isa, rows, *stride, &mut out[CENSUS_MARGIN..]);
+            census_row(isa, rows, self.stride, &mut out[CENSUS_MARGIN..]);
         });
     }
 

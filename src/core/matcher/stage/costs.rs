@@ -60,10 +60,8 @@ impl<F: CostFilter> CostSearch<F> {
 
 impl<F: CostFilter> RowSearch for CostSearch<F> {
     fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize) {
-        let (matches, doubts) = (
-            &mut self.matches[..rows * left.len()],
-            &mut self.doubts[..rows * left.len()],
-        );
+        let matches = &mut self.matches[..rows * left.len()];
+        let doubts = &mut self.doubts[..rows * left.len()];
         self.filter
             .search(isa, left, right, &mut self.search, matches, doubts);
     }

@@ -68,10 +68,8 @@ impl EdgeImage {
             match prefilter {
                 Prefilter::Sobel if y == last && last % 2 == 0 => out.fill(PREFILTER_CAP as u8),
                 Prefilter::Sobel => {
-                    let (above, below) = (
-                        if y == 0 { 1 } else { y - 1 },
-                        if y == last { y - 1 } else { y + 1 },
-                    );
+                    let above = if y == 0 { 1 } else { y - 1 };
+                    let below = if y == last { y - 1 } else { y + 1 };
                     sobel_row(isa, [above, y, below].map(|y| image.row(y)), out);
                 }
                 Prefilter::Log => {

@@ -17,11 +17,11 @@ use super::stage::{
     BACK_CHECK, Blocks, DisparityRange, DogTexture, RowCheck, SUBPIXEL, SelfCheck, TextureFilter,
     VerticalSmoothing, back_check, each_plane_row, refine,
 };
-use super::{MatcherKind, MatcherSpec, Parameters};
+use super::{MatchOutput, MatcherKind, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::{Isa, Proposal};
 use crate::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, RowMut, StereoPair};
-use crate::timing::{Clock, Stage};
+use crate::timing::Stage;
 use proposals::{Proposals, Tolerance};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
@@ -126,44 +126,32 @@ impl Method for V4 {
         })
     }
 
-    fn compute(
-        &self,
-        scratch: &mut Scratch,
-        pair: &StereoPair,
-        map: &mut DisparityMap,
-        clock: &mut Clock,
-    ) {
+    fn compute(&self, scratch: &mut Scratch, pair: &StereoPair, output: &mut MatchOutput) {
+        let (map, clock) = (&mut output.disparity, &mut output.clock);
         let isa = self.isa;
-        let Scratch {
-            left,
-            right,
-            textured,
-            left_blocks,
-            proposals,
-            band_rows,
-            checks,
-        } = scratch;
-
-        self.smoothing.apply(isa, pair.left(), left);
-        self.smoothing.apply(isa, pair.right(), right);
+        self.smoothing.apply(isa, pair.left(), &mut scratch.left);
+        self.smoothing.apply(isa, pair.right(), &mut scratch.right);
         clock.lap(Stage::Smoothing);
 
-        self.texture.apply(isa, left, textured);
+        let (left, right) = (&scratch.left, &scratch.right);
+        self.texture.apply(isa, left, &mut scratch.textured);
         clock.lap(Stage::Texture);
 
-        let accepted = proposals.resolve(isa, left, right, textured);
-        map.each_row_mut(*band_rows, checks, |y, row, _| {
-            self.write_row(accepted.row(y), textured.row(y), row);
+        let accepted = scratch
+            .proposals
+            .resolve(isa, left, right, &scratch.textured);
+        map.each_row_mut(scratch.band_rows, &mut scratch.checks, |y, row, _| {
+            self.write_row(accepted.row(y), scratch.textured.row(y), row);
         });
         write_row_offsets(accepted, map);
         clock.lap(Stage::Matching);
 
-        left_blocks.load(isa, left);
-        map.each_row_mut(*band_rows, checks, |y, row, check| {
+        scratch.left_blocks.load(isa, left);
+        map.each_row_mut(scratch.band_rows, &mut scratch.checks, |y, row, check| {
             let lane = y % Blocks::ROWS;
             if lane == 0 {
                 // The self check uses only the left image.
-                let columns = left_blocks.around(y);
+                let columns = scratch.left_blocks.around(y);
                 check.search(isa, columns, columns, Blocks::ROWS);
             }
             check.check_row(isa, lane, left.row(y), row);

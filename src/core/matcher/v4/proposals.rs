@@ -86,41 +86,38 @@ impl Proposals {
         right: &Gray,
         textured: &Plane<bool>,
     ) -> &Plane<Proposal> {
-        let Self {
-            range,
-            tolerance,
-            sums,
-            band_rows,
-            tables,
-            proposed,
-            accepted,
-        } = self;
-        let (width, height) = left.size();
-        each_plane_row(sums, 16, |y, sums| {
+        let ((width, height), reach) = (left.size(), self.tolerance.rows);
+        each_plane_row(&mut self.sums, 16, |y, sums| {
             window_sums(left.row(y), textured.row(y), sums);
         });
 
         // Created by `Plane::filled`, so its rows have no gaps.
-        let rows = proposed.as_mut_slice().expect("gapless");
-        each_band(rows, *band_rows * width, tables, |band, rows, table| {
-            for (y, row) in (band * *band_rows..).zip(rows.chunks_exact_mut(width)) {
-                table.fill(left, sums, y, tolerance.rows);
-                let search = TableSearch {
-                    table,
-                    min_disparity: range.min(),
-                    max_disparity: range.max(),
-                    sum_tolerance: tolerance.sum,
-                };
-                propose_row(isa, &search, right.row(y), row);
-            }
-        });
+        let rows = self.proposed.as_mut_slice().expect("gapless");
+        let band_rows = self.band_rows;
+        each_band(
+            rows,
+            band_rows * width,
+            &mut self.tables,
+            |band, rows, table| {
+                for (y, row) in (band * band_rows..).zip(rows.chunks_exact_mut(width)) {
+                    table.fill(left, &self.sums, y, reach);
+                    let search = TableSearch {
+                        table,
+                        min_disparity: self.range.min(),
+                        max_disparity: self.range.max(),
+                        sum_tolerance: self.tolerance.sum,
+                    };
+                    propose_row(isa, &search, right.row(y), row);
+                }
+            },
+        );
 
         // Gathered by left row, so that no two threads write the same one.
-        each_plane_row(accepted, 16, |y, accepted| {
+        each_plane_row(&mut self.accepted, 16, |y, accepted| {
             accepted.fill(Proposal::NONE);
-            for row in y.saturating_sub(tolerance.rows)..height.min(y + tolerance.rows + 1) {
+            for row in y.saturating_sub(reach)..height.min(y + reach + 1) {
                 let row_offset = (row as i32 - y as i32) as i8;
-                let proposals = proposed.row(row).iter().enumerate();
+                let proposals = self.proposed.row(row).iter().enumerate();
                 for (u, &proposal) in proposals.filter(|(_, p)| p.row_offset == row_offset) {
                     // `Proposal::NONE` names column u itself and costs too much.
                     let x = (u as i32 + i32::from(proposal.disparity)) as usize;
@@ -132,6 +129,6 @@ impl Proposals {
                 }
             }
         });
-        accepted
+        &self.accepted
     }
 }

@@ -148,8 +148,8 @@ impl Levels {
         };
         let (image, map) = (&half.images[0], &half.map);
         let place = (i % shape.columns, i / shape.columns);
-        let (columns, rows) = shape.pixels(place, map.size());
-        if columns.is_empty() || rows.is_empty() || !map.sees() {
+        let (columns, rows) = shape.pixels(place, map.size);
+        if columns.is_empty() || rows.is_empty() || !map.sees {
             return false;
         }
         pixels.clear();

@@ -14,7 +14,7 @@ const TILE: usize = 16;
 
 /// State of the half image's pixels, in raster order.
 pub(super) struct HalfMap {
-    size: (usize, usize),
+    pub(super) size: (usize, usize),
     count: usize,
     /// Disparities in bins of 1/8 pixel of the full image.
     bins: Vec<i16>,
@@ -28,7 +28,7 @@ pub(super) struct HalfMap {
     /// 1 for a pixel that is seen.
     seen: Vec<u8>,
     /// True if any pixel is.
-    sees: bool,
+    pub(super) sees: bool,
     /// Bins of all pixels, gaps filled; meaningless if no pixel was seen.
     filled: Vec<i16>,
     bands: Vec<BandScratch>,
@@ -102,10 +102,6 @@ impl HalfMap {
                 .collect::<Result<_>>()?,
             band_rows,
         })
-    }
-
-    pub(super) fn size(&self) -> (usize, usize) {
-        self.size
     }
 
     /// Chooses the winners and tests them.
@@ -196,11 +192,6 @@ impl HalfMap {
         }
     }
 
-    /// True if any pixel is seen.
-    pub(super) fn sees(&self) -> bool {
-        self.sees
-    }
-
     /// Bins, seen flags, and the sum of the costs, for the columns of a row.
     pub(super) fn part(&self, y: usize, columns: &Range<usize>) -> (&[i16], &[u8], i64) {
         let start = y * self.size.0;
@@ -217,21 +208,12 @@ impl HalfMap {
     /// Writes the seen disparities of a level to the pair's map: each to all its pixels; what is
     /// left at the right and at the bottom copies its neighbour.
     pub(super) fn write(&mut self, level: usize, map: &mut DisparityMap) {
-        let Self {
-            size: (width, height),
-            bins,
-            why,
-            seen,
-            bands,
-            band_rows,
-            ..
-        } = self;
-        let (width, height, shift) = (*width, *height, level + 1);
+        let ((width, height), shift) = (self.size, level + 1);
         // The bands of the map; odd last rows may need one more band than there are.
-        let full_rows = *band_rows << shift;
-        let rest = map.size().1.div_ceil(bands.len());
+        let full_rows = self.band_rows << shift;
+        let rest = map.size().1.div_ceil(self.bands.len());
         let full_rows = full_rows.max(rest.next_multiple_of(1 << shift));
-        let bands = &mut bands[..map.size().1.div_ceil(full_rows)];
+        let bands = &mut self.bands[..map.size().1.div_ceil(full_rows)];
         map.each_band_mut(full_rows, bands, |top, band, scratch| {
             let (disparities, reasons) = &mut scratch.row;
             for (y, mut row) in (top..).zip(band.into_rows()) {
@@ -241,14 +223,15 @@ impl HalfMap {
                 if y % (1 << shift) == 0 && y >> shift < height || y == top {
                     let start = (y >> shift).min(height - 1) * width;
                     let places = start..start + width;
-                    let pixels = bins[places.clone()].iter().zip(&seen[places.clone()]);
+                    let pixels = self.bins[places.clone()].iter();
+                    let pixels = pixels.zip(&self.seen[places.clone()]);
                     let scale = (1 << level) as f32 / 8.0;
                     let disparity = |(bin, seen): (&i16, &u8)| match seen {
                         1 => f32::from(*bin) * scale,
                         _ => f32::INFINITY,
                     };
                     repeat(pixels.map(disparity), shift, disparities);
-                    let pixels = why[places.clone()].iter().zip(&seen[places]);
+                    let pixels = self.why[places.clone()].iter().zip(&self.seen[places]);
                     let reason = |(why, seen): (&Reason, &u8)| match (seen, *why) {
                         // The pixel matched, but its neighbours failed.
                         (0, Reason::Valid) => Reason::Ambiguous,

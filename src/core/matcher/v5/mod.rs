@@ -230,17 +230,11 @@ fn choice_of(model: V5Model, parameters: &Parameters) -> SafeChoice {
         confidence => table.known_from(confidence),
     };
     let (table, levels, near) = if parameters.choice("target") == "median" {
-        let LevelTables {
-            finest,
-            middle,
-            coarsest,
-            small,
-        } = model.levels;
         let levels = LevelTables {
-            finest: known(finest),
-            middle: known(middle),
-            coarsest: known(coarsest),
-            small: known(small),
+            finest: known(model.levels.finest),
+            middle: known(model.levels.middle),
+            coarsest: known(model.levels.coarsest),
+            small: known(model.levels.small),
         };
         (model.median, Some(Box::new(levels)), Some(model.near))
     } else {
@@ -363,7 +357,7 @@ impl GapSampler {
         if let Some(levels) = &mut self.v5.levels {
             levels.follow(&self.v5.settings, pair, &mut |_| {});
             if let Some((matched, gaps)) = levels.finest_gaps()
-                && matched[0].map.sees()
+                && matched[0].map.sees
             {
                 gaps.sample(isa, matched, take);
             }

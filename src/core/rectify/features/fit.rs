@@ -92,10 +92,8 @@ fn sample(image: &Gray, place: Point2<f64>) -> Option<[f64; PIXELS]> {
     let (right, below) = (left.fract(), top.fract());
     let mut patch = [0.0; PIXELS];
     for (dy, row) in patch.chunks_exact_mut(SIDE).enumerate() {
-        let (upper, lower) = (
-            &image.row(y + dy)[x..=x + SIDE],
-            &image.row(y + dy + 1)[x..=x + SIDE],
-        );
+        let upper = &image.row(y + dy)[x..=x + SIDE];
+        let lower = &image.row(y + dy + 1)[x..=x + SIDE];
         for (dx, out) in row.iter_mut().enumerate() {
             let along =
                 |row: &[u8]| f64::from(row[dx]) * (1.0 - right) + f64::from(row[dx + 1]) * right;

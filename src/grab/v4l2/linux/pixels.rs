@@ -26,14 +26,8 @@ impl Layout {
 
     /// Byte `luma` of each pixel.
     fn unpack(&self, data: &[u8], luma: usize) -> Result<Gray, ImageFault> {
-        let Self {
-            width,
-            height,
-            stride,
-            format,
-        } = *self;
-        let step = format.bytes();
-        let rows = strided_rows(data, width * step, height, stride)
+        let (width, height, step) = (self.width, self.height, self.format.bytes());
+        let rows = strided_rows(data, width * step, height, self.stride)
             .map_err(|expected| ImageFault::Short(data.len(), expected))?;
         let pixels = every_byte(rows, step, luma);
         Ok(Gray::from_vec(width, height, pixels)?)

@@ -6,7 +6,8 @@ use crate::message::message_error::FieldError;
 pub(crate) struct MessageReader<'a> {
     data: &'a [u8],
     at: usize,
-    is_cdr: bool,
+    /// True for ROS 2, whose types differ a little from those of ROS 1.
+    pub(crate) is_cdr: bool,
 }
 
 pub(crate) type Parsed<T> = Result<T, FieldError>;
@@ -19,11 +20,6 @@ impl<'a> MessageReader<'a> {
             at: 0,
             is_cdr,
         }
-    }
-
-    /// True for ROS 2, whose types differ a little from those of ROS 1.
-    pub(crate) fn is_cdr(&self) -> bool {
-        self.is_cdr
     }
 
     pub(crate) fn remaining(&self) -> usize {

@@ -138,12 +138,10 @@ pub(crate) fn ffmpeg_packet<'a>(message: &mut MessageReader<'a>) -> Parsed<RosCo
 }
 
 pub(crate) fn camera_info(message: &mut MessageReader<'_>) -> Parsed<CameraInfo> {
-    let (_stamp, height, width, model) = (
-        header(message)?,
-        message.u32()?,
-        message.u32()?,
-        message.str()?.to_owned(),
-    );
+    let _stamp = header(message)?;
+    let height = message.u32()?;
+    let width = message.u32()?;
+    let model = message.str()?.to_owned();
     let coefficients = message.length(size_of::<f64>())?;
     let coefficients = limited(coefficients, MAX_DISTORTION, "distortion coefficients")?;
     let distortion = (0..coefficients)
@@ -179,7 +177,7 @@ pub(crate) struct RosHeader<'a> {
 }
 
 pub(crate) fn header<'a>(message: &mut MessageReader<'a>) -> Parsed<RosHeader<'a>> {
-    if !message.is_cdr() {
+    if !message.is_cdr {
         let _sequence = message.u32()?;
     }
     let stamp = RosTime {

@@ -98,10 +98,8 @@ pub(crate) fn encode_camera_info(
         cdr.length(5);
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // Row-major in the message, column-major in nalgebra.
-        let (k, p) = (
-            rig.intrinsics(camera).transpose(),
-            rig.projection(camera).transpose(),
-        );
+        let k = rig.intrinsics(camera).transpose();
+        let p = rig.projection(camera).transpose();
         [0.0; 5]
             .iter()
             .chain(k.as_slice())

@@ -166,10 +166,8 @@ impl Layer {
         let shift = board.tones.shift;
         let columns = board.tones.width;
         for (i, tone) in board.tones.tones.iter_mut().enumerate() {
-            let (x, y) = (
-                (i % columns) as f32 - shift - cx,
-                (i / columns) as f32 - shift - cy,
-            );
+            let x = (i % columns) as f32 - shift - cx;
+            let y = (i / columns) as f32 - shift - cy;
             let u = (cos * x + sin * y) / square_px + 0.5 * squares;
             let v = (cos * y - sin * x) / square_px + 0.5 * rows;
             let is_inside = (0.0..squares).contains(&u) && (0.0..rows).contains(&v);

@@ -59,10 +59,8 @@ fn linoleum(
         .map(|_| dice.between(-1.7, 1.7))
         .collect();
     for _ in 0..260 {
-        let (mut x, mut y) = (
-            dice.between(0.0, WIDTH as f32),
-            dice.between(0.0, height as f32),
-        );
+        let mut x = dice.between(0.0, WIDTH as f32);
+        let mut y = dice.between(0.0, height as f32);
         let (along, tone) = (dice.direction(), dice.between(-3.5, 2.5));
         for _ in 0..dice.between(10.0, 90.0) as usize {
             (x, y) = (x + along.0, y + along.1);

@@ -85,10 +85,8 @@ fn leaves(
     const MAX_RADIUS: f32 = 9.0;
     let count = (per_texel * canvas.tones.len() as f32) as usize;
     for _ in 0..count {
-        let (x, y) = (
-            dice.between(0.0, canvas.width as f32),
-            dice.between(0.0, canvas.height as f32),
-        );
+        let x = dice.between(0.0, canvas.width as f32);
+        let y = dice.between(0.0, canvas.height as f32);
         let clump = clumps[y as usize * canvas.width + x as usize];
         let up = y / canvas.height as f32;
         // Undergrowth and canopy are dense; the space between the trunks is not.

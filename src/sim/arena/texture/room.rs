@@ -18,10 +18,8 @@ pub(crate) fn room(seed: u64) -> Texture {
         .collect();
     let mut left = 0;
     while left < WIDTH {
-        let (gap, width) = (
-            dice.between(15.0, 90.0) as usize,
-            dice.between(25.0, 80.0) as usize,
-        );
+        let gap = dice.between(15.0, 90.0) as usize;
+        let width = dice.between(25.0, 80.0) as usize;
         let (bottom, top, tone) = match dice.bits() % 4 {
             0 => (45, 110, dice.between(0.78, 0.92)), // window
             1 => (

@@ -113,7 +113,7 @@ impl WindowSamples {
         let truth = frame.truth.as_ref();
         let side = features.window;
         let windows = FilterWindows::new(self.kind, side, left.size(), GridShape::default())?;
-        for (window, &at) in windows.corners().iter().enumerate() {
+        for (window, &at) in windows.corners.iter().enumerate() {
             let is = match labels {
                 WindowLabels::Given(labels) => labels.get(frame.sequence, window),
                 WindowLabels::Truth { range_px } => {

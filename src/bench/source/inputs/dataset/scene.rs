@@ -18,6 +18,7 @@ use svl_recording::StampOrigin;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
     name: String,
+    /// The folder of its files, and of the truth beside them.
     folder: PathBuf,
     number: Option<String>,
     pair: &'static PairFiles,
@@ -26,11 +27,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The folder of its files, and of the truth beside them.
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// The scene in `folder`, called `name`; none if the folder has no pair by a name svl knows.
     pub fn find(folder: &Path, name: &str) -> Option<Self> {
         let image = |name| image(folder, name, "");

@@ -3,10 +3,8 @@
 //! [`DATASETS`] describes each data set completely: its page, its terms, and the names of its
 //! files. A new data set is a new entry there.
 
-use super::entry::Dataset;
+use super::entry::{Dataset, FileNames, PairFiles, Seen, TruthFile};
 use super::{eth3d, kitti, middlebury};
-
-use super::entry::{FileNames, PairFiles, Seen, TruthFile};
 
 /// The data sets svl knows. Where a folder could be of several, the first is taken.
 pub const DATASETS: &[Dataset] = &[

@@ -58,7 +58,8 @@ pub struct MapFiles {
     max_skew_ns: u64,
     /// Pose of the laser scanner in the left camera.
     scanner: Option<Isometry3<f64>>,
-    without: u64,
+    /// Number of pairs so far without a file.
+    pub without: u64,
     /// Stamp of the pair that each file answered.
     used: BTreeMap<PathBuf, u64>,
     /// True once the first pair with integers was looked at.
@@ -215,11 +216,6 @@ impl MapFiles {
     pub(crate) fn name(&self) -> String {
         let unit = self.unit.map(|unit| format!(":{unit}"));
         self.pattern.clone() + &unit.unwrap_or_default()
-    }
-
-    /// Number of pairs so far without a file.
-    pub fn without(&self) -> u64 {
-        self.without
     }
 
     /// Disparities from the file with the frame's name, or else, of those whose names are times,

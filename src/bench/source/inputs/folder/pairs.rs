@@ -4,8 +4,7 @@ use super::layout::{Images, LAYOUTS, LETTERS, Layout, entries, find, known, natu
 use crate::source::inputs::dataset::scene::is_of_one_camera;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result, counted, listed};
-use svl_files::IMAGE_ENDINGS;
-use svl_files::SideBySide;
+use svl_files::{IMAGE_ENDINGS, SideBySide};
 use svl_report::units::REPORT_LIST;
 
 /// The pairs of a folder in natural order.

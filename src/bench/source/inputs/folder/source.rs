@@ -1,11 +1,10 @@
 //! A folder of many pairs as a source.
 
 use super::map_files::MapFiles;
-use super::pairs::FolderRequest;
+use super::pairs::{FolderRequest, PairFiles, pairs};
 
 use super::cameras::{cameras, size_mismatch};
 use super::layout::Layout;
-use super::pairs::{PairFiles, pairs};
 use super::poses::poses;
 use super::stamps::{Stamp, stamps};
 use crate::source::frames::{Source, warn_of_rig};

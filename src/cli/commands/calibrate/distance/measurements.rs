@@ -117,14 +117,11 @@ fn table(path: &Path, measuring: &Measuring<'_>) -> anyhow::Result<Vec<Measureme
     let mut found = Vec::new();
     // One row beyond the limit is read, so that the caller sees that there are too many.
     for (number, line) in reader.deserialize().take(MAX_MEASUREMENTS + 1).enumerate() {
-        let TableLine {
-            distance_cm,
-            disparity_px,
-            recording,
-        } = line.map_err(|e| {
+        let line: TableLine = line.map_err(|e| {
             let cure = "expected the columns distance_cm, and disparity_px or recording";
             anyhow::anyhow!("{shown}: measurement {}: {e}; {cure}", number + 1)
         })?;
+        let (distance_cm, disparity_px) = (line.distance_cm, line.disparity_px);
         if distance_cm > MAX_DISTANCE_CM || disparity_px.is_some_and(|px| px > MAX_SIDE as f64) {
             bail!(
                 "{shown}: measurement {}: a distance is {MAX_DISTANCE_CM} cm at most, a disparity \
@@ -132,7 +129,7 @@ fn table(path: &Path, measuring: &Measuring<'_>) -> anyhow::Result<Vec<Measureme
                 number + 1
             );
         }
-        found.push(match (disparity_px, recording) {
+        found.push(match (disparity_px, line.recording) {
             (Some(disparity_px), None) => Measurement {
                 distance_cm,
                 disparity_px,

@@ -88,7 +88,7 @@ impl DistanceReport {
         let mut table = table.with_texts(["cells", "apart, px", "fit"]);
         let signed =
             |residual: Option<f64>| residual.map_or(NONE.to_owned(), |cm| format!("{cm:+.1}"));
-        let measurements = self.measurements.iter().zip(self.pinhole.weights());
+        let measurements = self.measurements.iter().zip(&self.pinhole.weights);
         for ((measurement, weight), &(cm, px)) in measurements.zip(&self.pairs) {
             let [polynomial, pinhole] = self.residuals_cm((cm, px)).map(signed);
             let seen = measurement.seen.as_ref();
@@ -142,7 +142,7 @@ impl DistanceReport {
             Ok(curve) => text += &self.polynomial_text(curve),
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
-        let (a, b, noise) = (pinhole.a_cm_px(), pinhole.b_px(), pinhole.noise_px());
+        let (a, b, noise) = (pinhole.a_cm_px, pinhole.b_px, pinhole.noise_px);
         let rms = self.rms_cm(1).map(|rms| format!("{rms:.1} cm"));
         let rms = rms.unwrap_or_else(|| "unknown".to_owned());
         writeln!(
@@ -181,7 +181,7 @@ impl DistanceReport {
             value["pinhole_weight"] = json!(weight);
             value
         };
-        let rows = self.measurements.iter().zip(self.pinhole.weights());
+        let rows = self.measurements.iter().zip(&self.pinhole.weights);
         let rows = rows.zip(&self.pairs).map(measurement);
         let polynomial = self.polynomial.as_ref().map(|curve| {
             let (from_px, to_px) = curve.measured_px().into_inner();
@@ -198,11 +198,11 @@ impl DistanceReport {
             "measurements": rows.collect::<Vec<_>>(),
             "polynomial": polynomial.ok(),
             "pinhole": {
-                "a_cm_px": self.pinhole.a_cm_px(),
-                "b_px": self.pinhole.b_px(),
+                "a_cm_px": self.pinhole.a_cm_px,
+                "b_px": self.pinhole.b_px,
                 "a_deviation_cm_px": deviation_a,
                 "b_deviation_px": deviation_b,
-                "noise_px": self.pinhole.noise_px(),
+                "noise_px": self.pinhole.noise_px,
                 "rms_cm": self.rms_cm(1),
                 "farthest_cm": self.farthest().map(|(cm, _)| cm),
                 "from_px": self.farthest().map(|(_, px)| px),

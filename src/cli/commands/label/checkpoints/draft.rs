@@ -200,7 +200,7 @@ pub(super) fn first_other<'p, T>(
 ) -> Option<&'p LabelledPair> {
     pairs.into_iter().find(|pair| {
         stepper.go_to(pair.frame);
-        LabelledPair::new(stepper.frame()) != **pair
+        LabelledPair::new(&stepper.frame) != **pair
     })
 }
 

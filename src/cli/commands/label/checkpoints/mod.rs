@@ -7,10 +7,9 @@ mod scenario_file;
 mod tool;
 
 use super::input::{LabelInput, stepper};
-use crate::cli::shared::source;
 use crate::cli::shared::stepper::{StepSession, Stepper};
-use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
+use crate::cli::shared::{source, usage};
 use anyhow::bail;
 use draft::{Draft, DraftFile};
 use ratatui::layout::Rect;
@@ -84,11 +83,8 @@ pub(crate) struct Args {
 const MAX_CELLS: usize = 20;
 
 fn grid(text: &str) -> Result<GridShape, String> {
-    let shape = usage::two(text, 'x').map(|(columns, rows)| GridShape { columns, rows });
-    let fits = |side| (1..=MAX_CELLS).contains(&side);
-    shape
-        .filter(|shape| fits(shape.columns) && fits(shape.rows))
-        .ok_or_else(|| format!("expected columns and rows, 1 to {MAX_CELLS} each, as 5x3"))
+    let shape = usage::grid(text, MAX_CELLS);
+    shape.ok_or_else(|| format!("expected columns and rows, 1 to {MAX_CELLS} each, as 5x3"))
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -111,7 +107,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     file.check(&opened)?;
 
     let mut stepper: LabelStepper<'_> = stepper(opened.source, &request)?;
-    if stepper.frame().rig().is_none() {
+    if stepper.frame.rig().is_none() {
         bail!(
             "{name}: has no calibration, so no algorithm reports distances to compare with yours; \
              name one with --calib"

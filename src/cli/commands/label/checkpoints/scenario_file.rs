@@ -111,7 +111,7 @@ impl ScenarioFile {
         run: &FrameOrigin,
         stepper: &mut LabelStepper<'_>,
     ) -> anyhow::Result<()> {
-        let first = stepper.frame().sequence;
+        let first = stepper.frame.sequence;
         let own = |checkpoint: &&Checkpoint| run.is_in(checkpoint.file.as_deref());
         for checkpoint in self.scenario.checkpoints.iter().filter(own) {
             if let Some(LabelledPair { frame, .. }) = first_other(&checkpoint.pairs, stepper) {

@@ -4,10 +4,9 @@ mod tool;
 
 use super::input::{LabelInput, stepper};
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::source;
 use crate::cli::shared::stepper::{Ended, StepSession};
 use crate::cli::shared::terminal::print;
-use crate::cli::shared::usage;
+use crate::cli::shared::{source, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
@@ -106,7 +105,7 @@ fn from_truth(args: &Args, request: &Request<'_>, path: &Path, quiet: bool) -> a
                 let truth = frame.truth.as_ref()?;
                 true_label(kind, truth, at, side, range_px)
             };
-            windows.corners().iter().map(is_near).collect::<Vec<_>>()
+            windows.corners.iter().map(is_near).collect::<Vec<_>>()
         });
         let is_known = frame.truth.as_ref().is_some_and(|t| t.surface.is_some());
         labels.map(|labels| {

@@ -46,8 +46,8 @@ impl Categorizer {
         is: bool,
         stepper: &mut WindowStepper<'_>,
     ) -> anyhow::Result<()> {
-        let sequence = stepper.frame().sequence;
-        self.labels.tie(sequence, stepper.frame().pair.hash());
+        let sequence = stepper.frame.sequence;
+        self.labels.tie(sequence, stepper.frame.pair.hash());
         self.window = windows.end - 1;
         let before = windows.map(|window| (window, self.labels.set(sequence, window, Some(is))));
         let before = before.collect();
@@ -90,7 +90,7 @@ impl Categorizer {
         sequences.dedup();
         for labelled in sequences {
             stepper.go_to(labelled);
-            let frame = stepper.frame();
+            let frame = &stepper.frame;
             if frame.sequence != labelled {
                 let (table, source) = (self.labels.path.display(), self.source.display());
                 bail!(
@@ -104,7 +104,7 @@ impl Categorizer {
         self.window = window;
         let is_moved = self.next(stepper);
         let found = counted(self.labels.counts().iter().sum::<usize>() as u64, "label");
-        let at = stepper.frame().sequence;
+        let at = stepper.frame.sequence;
         let window = FrameLabels::window_name(self.labels.kind, self.window);
         stepper.say(if is_moved {
             format!("resumed at frame {at}, window {window} with {found}")
@@ -148,7 +148,7 @@ impl Categorizer {
         let (kind, shape) = (self.labels.kind, GridShape::default());
         let side = kind.spec().features.window;
         let windows = FilterWindows::new(kind, side, frame.pair.size(), shape)?;
-        Ok(windows.corners().to_vec())
+        Ok(windows.corners.to_vec())
     }
 
     /// The text beside the image.
@@ -192,7 +192,7 @@ impl StepTool for Categorizer {
     ];
 
     fn show(&mut self, stepper: &mut WindowStepper<'_>) -> anyhow::Result<()> {
-        self.corners(stepper.frame())?;
+        self.corners(&stepper.frame)?;
         Ok(())
     }
 
@@ -214,7 +214,7 @@ impl StepTool for Categorizer {
     }
 
     fn draw(&mut self, stepper: &WindowStepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
-        let frame = stepper.frame();
+        let frame = &stepper.frame;
         let image = picture::draw_beside(&self.lines(frame), frame.pair.left(), canvas);
         let side = self.labels.kind.spec().features.window;
         for (window, corner) in self.corners(frame).into_iter().flatten().enumerate() {
@@ -229,9 +229,9 @@ impl StepTool for Categorizer {
 
 /// Moves the frame; true if there is another one in that direction.
 fn is_stepped(by: i64, stepper: &mut WindowStepper<'_>) -> bool {
-    let at = stepper.frame().sequence;
+    let at = stepper.frame.sequence;
     stepper.step(by);
-    stepper.frame().sequence != at
+    stepper.frame.sequence != at
 }
 
 /// A square of the image, in characters.

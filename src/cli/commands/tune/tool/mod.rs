@@ -115,7 +115,7 @@ impl Tuner {
 
     fn ask(&self, stepper: &TuneStepper<'_>) {
         self.worker.ask(Job {
-            frame: std::sync::Arc::clone(stepper.frame()),
+            frame: std::sync::Arc::clone(&stepper.frame),
             settings: self.pair().map(TunedSetting::clone),
         });
     }
@@ -245,7 +245,7 @@ impl Tuner {
         };
         let version = env!("CARGO_PKG_VERSION");
         let head = format!("# Written by `svl tune`, svl {version}.\n");
-        let markdown = self.markdown(stepper.name());
+        let markdown = self.markdown(&stepper.name);
         usage::ends_in(path, &["toml"])?;
         let words = outputs::write_with_page(path, &(head + &toml), &markdown)?;
         self.written.push(words.clone());

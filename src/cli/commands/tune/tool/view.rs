@@ -56,7 +56,7 @@ pub(super) fn draw(
     let [left, right] = Layout::horizontal([Length(KNOBS), Fill(1)]).areas(body);
     canvas.screen.render_widget(heading(tuner), head);
     let places = knobs(tuner, left, canvas);
-    let lines = numbers(tuner, stepper.frame().sequence, right, canvas.shades);
+    let lines = numbers(tuner, stepper.frame.sequence, right, canvas.shades);
     let lines = Paragraph::new(lines).wrap(Wrap { trim: false });
     canvas.screen.render_widget(lines, right);
     if is_roomy {

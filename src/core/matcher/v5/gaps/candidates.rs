@@ -137,10 +137,8 @@ impl RowSums {
         self.across.fill(0);
         self.down.fill(0);
         for y in around(y, NEAR_REACH, height) {
-            let (row, above) = (
-                measured.image.row(y),
-                measured.image.row(y.saturating_sub(1)),
-            );
+            let row = measured.image.row(y);
+            let above = measured.image.row(y.saturating_sub(1));
             let sums = self.across[1..].iter_mut().zip(row.iter().zip(&row[1..]));
             sums.for_each(|(sum, (a, b))| *sum += a.abs_diff(*b));
             let sums = self.down.iter_mut().zip(row.iter().zip(above));
@@ -205,10 +203,8 @@ impl Measured<'_> {
         let pixel = y * width + x;
         let grey = i32::from(self.image.at(x, y));
         let small = self.quarter_pixel([x, y]);
-        let (path_sums, small_sums) = (
-            self.sums.pixel([x, y]),
-            self.quarter_sums.pixel(small.place),
-        );
+        let path_sums = self.sums.pixel([x, y]);
+        let small_sums = self.quarter_sums.pixel(small.place);
 
         for exists in &mut candidates.exists {
             exists[lane] = false;

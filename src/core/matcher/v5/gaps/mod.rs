@@ -56,10 +56,8 @@ impl Gaps {
     /// For half images of `size`, at least 2 x 2, and a lattice of those steps; hypotheses within
     /// `agreeing_bins` of a pixel's best agree with it.
     pub(super) fn new(size: (usize, usize), steps: [u32; 2], agreeing_bins: u16) -> Result<Self> {
-        let (width, height) = (
-            size.0.div_ceil(1 << steps[0]),
-            size.1.div_ceil(1 << steps[1]),
-        );
+        let width = size.0.div_ceil(1 << steps[0]);
+        let height = size.1.div_ceil(1 << steps[1]);
         let none = PixelVotes {
             bins: [0; HYPOTHESES],
             votes: [0; HYPOTHESES + 1],

@@ -54,7 +54,7 @@ impl StepTool for Labelling {
     fn show(&mut self, stepper: &mut LabelStepper<'_>) -> anyhow::Result<()> {
         let scenario = &self.file.scenario;
         if let Some(reported) = &mut self.reported
-            && let Err(error) = reported.match_frame(stepper.frame(), scenario.grid, scenario.cells)
+            && let Err(error) = reported.match_frame(&stepper.frame, scenario.grid, scenario.cells)
         {
             stepper.say(error.to_string());
         }
@@ -62,7 +62,7 @@ impl StepTool for Labelling {
     }
 
     fn key(&mut self, key: Key, stepper: &mut LabelStepper<'_>) -> anyhow::Result<bool> {
-        let frame = stepper.frame().sequence;
+        let frame = stepper.frame.sequence;
         if !matches!(key, Press(Char(c)) if c.is_ascii_digit()) {
             self.moved_by = match key {
                 Press(Char(c @ (',' | '.' | '<' | '>'))) => Some(c),
@@ -109,7 +109,7 @@ impl StepTool for Labelling {
     }
 
     fn draw(&mut self, stepper: &LabelStepper<'_>, canvas: &mut ToolCanvas<'_, '_>) {
-        self.picture = view::draw(self, stepper.frame(), canvas);
+        self.picture = view::draw(self, &stepper.frame, canvas);
     }
 }
 
@@ -138,10 +138,10 @@ impl Labelling {
     }
 
     fn label(&mut self, label: Option<CellLabel>, stepper: &mut LabelStepper<'_>) {
-        if label == Some(CellLabel::Must) && stepper.frame().truth.is_none() {
+        if label == Some(CellLabel::Must) && stepper.frame.truth.is_none() {
             return stepper.say("must is compared with true distances, and this source has none");
         }
-        let pair = LabelledPair::new(stepper.frame());
+        let pair = LabelledPair::new(&stepper.frame);
         self.draft.set(self.picked.into(), label, pair);
     }
 
@@ -198,7 +198,7 @@ impl Labelling {
                 }
             });
         }
-        let shown = stepper.frame().sequence;
+        let shown = stepper.frame.sequence;
         let [first, last] = self.draft.frames(shown);
         let mut labelled = self.draft.labelled().into_iter();
         if let Some(pair) = labelled.find(|pair| !(first..=last).contains(&pair.frame)) {
@@ -224,12 +224,12 @@ impl Labelling {
     fn keep(&mut self, stepper: &mut LabelStepper<'_>) -> anyhow::Result<()> {
         self.kept = (self.draft.clone(), self.picked);
         self.show_in_viewer(stepper);
-        self.draft_file.keep(stepper.frame(), &self.draft)
+        self.draft_file.keep(&stepper.frame, &self.draft)
     }
 
     fn show_in_viewer(&mut self, stepper: &mut LabelStepper<'_>) {
         let Some(viewer) = &self.viewer else { return };
-        let frame = stepper.frame();
+        let frame = &stepper.frame;
         let notes: Vec<_> = self.shape().iter().filter_map(|at| self.note(at)).collect();
         let [first, last] = self.draft.frames(frame.sequence);
         let name = match self.draft.name.as_str() {
