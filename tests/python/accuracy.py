@@ -21,7 +21,7 @@ tracks = defaultdict(list)
 for cell in table("cells.csv"):
     truth = number(cell["true_distance_m"])
     if truth is not None and cell["verdict"] != "no-truth":
-        known = cell["state"] in ("", "known")
+        known = cell["state"] in ("", "known", "far")
         reported = number(cell["distance_m"]) if known else None
         key = cell["algorithm"], cell["column"], cell["row"]
         tracks[key].append((cell["area"], truth, reported, known, cell["verdict"]))

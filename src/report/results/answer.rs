@@ -157,12 +157,14 @@ impl Results {
             return String::new();
         };
         let numbers = self.ranked_algorithms().into_iter().filter_map(|a| {
-            let metric = self.first_metric()?;
             let value = match self.kind() {
-                TruthLevel::Distances => self.merit(a)?,
-                _ => self.value(&a.algorithm, metric, None)?,
+                TruthLevel::Distances => Metric::find("right")?.show(self.merit(a)?),
+                _ => {
+                    let metric = self.first_metric()?;
+                    metric.show(self.value(&a.algorithm, metric, None)?)
+                }
             };
-            Some(format!("{} {}", a.algorithm, metric.show(value)))
+            Some(format!("{} {value}", a.algorithm))
         });
         let numbers: Vec<_> = numbers.take(MAX_NAMED).collect();
         if numbers.is_empty() {

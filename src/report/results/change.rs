@@ -119,6 +119,9 @@ pub(crate) fn decide<'a>(changes: impl Iterator<Item = &'a mut Change>) -> usize
     p.len()
 }
 
+/// Largest difference of two equal sums in another order, of the sums.
+const MAX_ROUNDING: f64 = 1e-12;
+
 /// The changes of the metrics in an area, and the metrics that one of the two does not measure.
 #[derive(Default)]
 pub(crate) struct Changes {
@@ -218,8 +221,8 @@ impl Change {
         interval: Option<Interval>,
     ) -> Self {
         let judgement = match interval.map(|(low, high)| low > 0.0 || high < 0.0) {
-            // Equal on these pairs: the interval is empty and proves nothing.
-            _ if base == other => Judgement::Equal,
+            // Equal on these pairs, but for rounding: the interval is empty and proves nothing.
+            _ if (base - other).abs() <= MAX_ROUNDING * base.abs() => Judgement::Equal,
             // All pairs of a run are of one moment: their spread does not include how the machine
             // varies between runs.
             _ if metric.unit == MetricUnit::Ms => Judgement::Unjudged,
@@ -271,5 +274,23 @@ impl Judgement {
             (_, Better::More, true) | (_, Better::Less | Better::Zero, false) => Self::Better,
             _ => Self::Worse,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_is_no_change() {
+        let metric = Metric::find("rmse").unwrap();
+        let judged = |by: f64| {
+            let change = Change::new(metric, [0.02, 0.02 + by], by, Some((by, by)));
+            change.judgement
+        };
+        assert_eq!(
+            [0.0, 1e-17, 1e-3].map(judged),
+            [Judgement::Equal, Judgement::Equal, Judgement::Worse]
+        );
     }
 }

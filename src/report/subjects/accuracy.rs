@@ -33,8 +33,8 @@ record! {
         algorithm: String,
         /// The cells: obstacle (with pixels), floor, beyond, or all.
         area: AreaChoice,
-        /// True if it is of pixels, in place of cells: of about 4800 of each pair, of which
-        /// those that both cameras see are scored.
+        /// True if it is of pixels, in place of cells: of about 4800 of each pair, of which those
+        /// that both cameras see are scored; their ranges end at distances of two digits.
         is_of_pixels: bool,
         /// True if a limit asks for the range, beside those of the run.
         is_of_limit: bool,
@@ -233,8 +233,11 @@ impl RunRanges {
 /// A range, and whether a limit alone asks for it.
 pub(crate) type AskedRange = (DistanceRange, bool);
 
-/// The ranges that end at ascending distances, and the one beyond.
+/// The ranges that end at ascending distances, and the one beyond; none without ends.
 fn between(ends_m: &[f64]) -> Vec<DistanceRange> {
+    if ends_m.is_empty() {
+        return Vec::new();
+    }
     let starts = [0.0].into_iter().chain(ends_m.iter().copied());
     let ends = ends_m.iter().copied().map(Some).chain([None]);
     let range = |(from_m, to_m)| DistanceRange { from_m, to_m };
@@ -329,9 +332,9 @@ impl AccuracyTally {
                 continue;
             };
             let is_answer = cell.verdict != Verdict::Unknown;
-            let is_known = cell
-                .state
-                .map_or(is_answer, |state| state == CellState::Known);
+            let is_known = cell.state.map_or(is_answer, |state| {
+                [CellState::Known, CellState::Far].contains(&state)
+            });
             let reported_m = cell.distance_m.filter(|_| is_known);
             let ends = self.ends_m.partition_point(|end_m| *end_m <= true_m);
             let range = (narrow_range(true_m), ends);
@@ -604,10 +607,12 @@ mod tests {
 
     #[test]
     fn ranges_have_equal_counts_or_the_ends_that_are_asked_for() {
-        // Of which the nearest is unknown, and the farthest wrong by 1 m.
+        // Of which the nearest is unknown, the next at infinity, and the farthest wrong by 1 m.
         let mut cells: Vec<_> = (0..100).map(|i| cell(1.0 + f64::from(i) / 10.0)).collect();
         (cells[0].verdict, cells[0].distance_m) = (Verdict::Unknown, None);
         cells[0].state = Some(CellState::Unknown);
+        (cells[1].verdict, cells[1].distance_m) = (Verdict::Wrong, None);
+        cells[1].state = Some(CellState::Far);
         (cells[99].verdict, cells[99].distance_m) = (Verdict::Wrong, Some(11.9));
         let rows = |ranges: &RunRanges| {
             let mut tally = AccuracyTally::new(CellRule::default(), ranges);
@@ -620,10 +625,10 @@ mod tests {
         assert_eq!(scored[0], 100);
         assert_eq!(scored[1..].iter().sum::<u64>(), 100);
         assert!(scored.len() == 6 && scored[1..].iter().all(|n| (17..=23).contains(n)));
-        assert_eq!(
-            (equal[1].fill, equal[1].wrong),
-            (share(scored[1] - 1, scored[1]), Some(0.0))
-        );
+        let first = [equal[1].scored, equal[1].known, equal[1].cells];
+        assert_eq!(first, [scored[1], scored[1] - 1, scored[1] - 2]);
+        let shares = (share(scored[1] - 1, scored[1]), share(1, scored[1]));
+        assert_eq!((equal[1].fill, equal[1].wrong), shares);
         assert_eq!(
             (equal[5].known, equal[5].wrong),
             (scored[5], Some(1.0 / scored[5] as f64))

@@ -67,10 +67,10 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     // By their parameters, in `algorithms`, which contain the weights of filters.
     ("description.algorithms", NONE),
     ("description.columns", NONE),
-    ("description.ranges", NONE),
+    ("description.ranges", OF_ONE_RUN),
     ("description.filter", NONE),
-    // Limits are checked against the numbers afterwards.
-    ("description.gate", NONE),
+    // Limits are checked against the numbers afterwards; parts of a run have the same.
+    ("description.gate", OF_ONE_RUN),
     ("description.grid", ALL),
     ("description.cells", ALL),
     ("description.checkpoint", ALL),

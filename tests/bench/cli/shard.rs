@@ -145,6 +145,7 @@ fn parts_that_do_not_make_a_whole_are_refused() {
         {line} -q --shard 2/2 -o p2
         {line} -q --algo v1 --shard 2/2 -o other
         {line} -q --seeds 1 --shard 2/2 -o seeds
+        {line} -q --ranges 2,4 --shard 2/2 -o ranged
         {line} -q -o whole
         report p1 p2 -o p1 => 2: -o p1: is in the part p1
         report p1 p2 -o p1/all/new => 2: -o p1/all/new: is in the part p1
@@ -153,6 +154,7 @@ fn parts_that_do_not_make_a_whole_are_refused() {
         report p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
         report p1 other -o all => 1: other: is not of the same run as p1 | algorithms
         report p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
+        report p1 ranged -o all => 1: ranged: is not of the same run as p1 | ranges
         report p1 nothing -o all => 2: nothing: no such folder
         report p1 empty -o all => 1: empty: is not a report
         report p1 p2 => 2: -o FOLDER
