@@ -87,7 +87,7 @@ const PACKAGES: [Package; 15] = [
             &["bootstrap"],
             &["agreement", "judge", "losses", "memory"],
             &["plausibility", "scenario"],
-            &["drive", "manifest", "resize"],
+            &["drive", "manifest", "pixel_errors", "resize"],
         ],
     },
     Package {

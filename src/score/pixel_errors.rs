@@ -37,12 +37,12 @@ pub fn narrow_from_m(number: usize) -> f64 {
 /// The errors of an algorithm's pixels by narrow ranges: by their numbers, none before the first
 /// pixel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Vec<(usize, PixelSums)>", into = "Vec<(usize, PixelSums)>")]
-pub struct PixelErrors(Vec<PixelSums>);
+#[serde(from = "Vec<(usize, RangePixels)>", into = "Vec<(usize, RangePixels)>")]
+pub struct PixelErrors(Vec<RangePixels>);
 
 /// Sums over the pixels of a range.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PixelSums {
+pub struct RangePixels {
     /// Pixels with a true distance that both cameras see, those of them with a disparity, and those
     /// of these that are off by more than the tolerance of a right cell.
     pub scored: u64,
@@ -67,7 +67,7 @@ impl PixelErrors {
         if !matches!(rule, CellRule::Distance { .. }) {
             return;
         }
-        self.0.resize(ENDS_M.len(), PixelSums::default());
+        self.0.resize(ENDS_M.len(), RangePixels::default());
         let map = estimate.disparity.disparity();
         for (x, y) in sampled_places(truth.disparity.size(), PIXELS) {
             let is_seen = |seen: &Plane<_>| seen.get(x, y) == Visibility::Visible;
@@ -105,7 +105,7 @@ impl PixelErrors {
     /// Adds those of other pairs.
     pub fn merge(&mut self, other: &Self) {
         self.0
-            .resize(self.0.len().max(other.0.len()), PixelSums::default());
+            .resize(self.0.len().max(other.0.len()), RangePixels::default());
         for (own, other) in self.0.iter_mut().zip(&other.0) {
             own.merge(other);
         }
@@ -117,8 +117,8 @@ impl PixelErrors {
 
     /// The sums over a range of distances; a narrow range in which it ends belongs to one side of
     /// that by its beginning.
-    pub fn sums(&self, range: DistanceRange) -> PixelSums {
-        let mut all = PixelSums::default();
+    pub fn sums(&self, range: DistanceRange) -> RangePixels {
+        let mut all = RangePixels::default();
         let inside = self.0.iter().zip(ENDS_M.iter());
         let inside = inside.filter(|(_, from_m)| range.has(**from_m));
         inside.for_each(|(sums, _)| all.merge(sums));
@@ -126,9 +126,9 @@ impl PixelErrors {
     }
 }
 
-impl From<Vec<(usize, PixelSums)>> for PixelErrors {
-    fn from(filled: Vec<(usize, PixelSums)>) -> Self {
-        let mut ranges = vec![PixelSums::default(); ENDS_M.len()];
+impl From<Vec<(usize, RangePixels)>> for PixelErrors {
+    fn from(filled: Vec<(usize, RangePixels)>) -> Self {
+        let mut ranges = vec![RangePixels::default(); ENDS_M.len()];
         for (number, sums) in filled {
             if let Some(own) = ranges.get_mut(number) {
                 *own = sums;
@@ -138,7 +138,7 @@ impl From<Vec<(usize, PixelSums)>> for PixelErrors {
     }
 }
 
-impl From<PixelErrors> for Vec<(usize, PixelSums)> {
+impl From<PixelErrors> for Vec<(usize, RangePixels)> {
     fn from(errors: PixelErrors) -> Self {
         let filled = errors.0.into_iter().enumerate();
         filled.filter(|(_, sums)| sums.scored > 0).collect()
@@ -152,7 +152,7 @@ fn size_number(error_m: f32) -> usize {
     (number as usize).min(SIZES - 1)
 }
 
-impl PixelSums {
+impl RangePixels {
     fn merge(&mut self, other: &Self) {
         self.scored += other.scored;
         self.known += other.known;

@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13282),
+    ("bench", 13301),
     ("c", 470),
     ("calibrate", 4948),
-    ("cli", 10894),
+    ("cli", 10904),
     ("core", 19439),
     ("files", 2546),
     ("grab", 5131),
     ("live", 417),
     ("python", 321),
     ("recording", 13938),
-    ("report", 13952),
-    ("score", 8651),
+    ("report", 14230),
+    ("score", 8935),
     ("sim", 3510),
     ("thesis", 2644),
     ("train", 3372),

@@ -185,9 +185,9 @@ fn ratio(sum: f64, cases: u64) -> Option<f64> {
 /// The ranges by which the errors of a run are told apart.
 #[derive(Default)]
 pub(crate) struct RunRanges {
-    /// Those of the scenario.
+    /// The distances at which the ranges of the scenario end.
     ends: RangeEnds,
-    /// Those of its limits.
+    /// The ranges of its limits.
     limited: Vec<DistanceRange>,
 }
 
@@ -252,8 +252,8 @@ pub(crate) struct RangeErrors {
     /// Reported minus true distances.
     errors_m: Vec<f32>,
     relative: f64,
-    /// Scored cells with a true distance, the sum of these, and the cells that are known, unknown by
-    /// their verdict, and wrong.
+    /// Scored cells with a true distance, the sum of these, and the cells that are known, unknown
+    /// by their verdict, and wrong.
     scored: u64,
     sum_true_m: f64,
     known: u64,
@@ -607,7 +607,7 @@ mod tests {
 
     #[test]
     fn ranges_have_equal_counts_or_the_ends_that_are_asked_for() {
-        // Of which the nearest is unknown, the next at infinity, and the farthest wrong by 1 m.
+        // The nearest is unknown, the next at infinity, and the farthest wrong by 1 m.
         let mut cells: Vec<_> = (0..100).map(|i| cell(1.0 + f64::from(i) / 10.0)).collect();
         (cells[0].verdict, cells[0].distance_m) = (Verdict::Unknown, None);
         cells[0].state = Some(CellState::Unknown);
