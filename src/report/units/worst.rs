@@ -65,7 +65,9 @@ impl<T> WorstFrames<T> {
     /// True if a frame that is so bad may be one of the worst.
     pub fn takes(&self, badness: &Badness) -> bool {
         let is_worse = |own: &WorstFrame<T>| badness.order(&own.badness).is_gt();
-        self.0.len() < MAX_KEPT || self.0.iter().any(is_worse)
+        // Neighbours of worse frames fill no place.
+        let is_full = self.0.len() >= MAX_KEPT && self.chosen().len() == MAX_WORST;
+        !is_full || self.0.iter().any(is_worse)
     }
 
     /// Adds a frame.
@@ -139,6 +141,10 @@ mod tests {
     fn frames_within_a_second_of_a_worse_one_are_not_shown() {
         let frames = [(0, 5), (8, 6), (16, 7), (30, 1), (39, 2), (49, 2)];
         assert_eq!(chosen(&frames), [(16, 7), (0, 5), (39, 2), (49, 2)]);
+        // Neighbours of the worst do not keep a frame away that is far from it.
+        let near = (0..9).map(|tenths| (tenths, 9 - tenths));
+        let frames: Vec<_> = near.chain([(30, 0)]).collect();
+        assert_eq!(chosen(&frames), [(0, 9), (30, 0)]);
     }
 
     #[test]
