@@ -477,7 +477,7 @@ const ANSWERS: [(&str, [(&str, &str); 4]); 4] = [
     (
         "page.html",
         [
-            (".answer", "bm"),
+            (".answer", "40 pairs"),
             (".shot .note", "changed: "),
             (".changes td:nth-child(4)", " points"),
             (".figure h3", " s"),

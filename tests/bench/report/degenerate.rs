@@ -226,6 +226,8 @@ fn programs_that_look_at_nothing_win_nothing() {
             let results = limits.iter().flat_map(|limit| {
                 let limit = Limit {
                     algorithm: label.to_owned(),
+                    // The errors above are of all distances.
+                    range: None,
                     ..limit.clone()
                 };
                 limit_results(&limit, &summary, &manifest(label))
