@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 417),
     ("python", 321),
     ("recording", 13938),
-    ("report", 14230),
+    ("report", 14231),
     ("score", 8935),
     ("sim", 3510),
     ("thesis", 2644),
