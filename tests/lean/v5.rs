@@ -34,6 +34,7 @@ impl V5 {
                 rank,
                 slack: *slack,
                 least_score: 1099,
+                near_least_score: None,
                 base,
                 steps,
                 time: None,

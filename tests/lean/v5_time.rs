@@ -70,6 +70,7 @@ fn algorithm() -> Algorithm {
     let mut model = V5Model::built_in();
     let mut median = VerdictTable {
         base: model.median.base + 1500,
+        near_least_score: Some(1000),
         ..model.median.clone()
     };
     median.time.as_mut().unwrap().least_score = 3500;
@@ -91,7 +92,12 @@ struct State {
 }
 
 /// The cells of a run from those of its single pairs.
-fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec<(bool, f64)>> {
+fn expected(
+    algorithm: &Algorithm,
+    run: &[RunPair],
+    rig: Option<Rig>,
+    beyond_m: f64,
+) -> Vec<Vec<(bool, f64)>> {
     let table = algorithm.safe_choice().unwrap().unwrap().table;
     let time = table.time.clone().unwrap();
     let tolerance = Tolerance::new(CellRule::default(), rig.as_ref(), 0.25, 16 * 21);
@@ -127,6 +133,10 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                 let [lo, hi] = tolerance.ends(b as usize).map(i64::from);
                 let is_clear_nearer =
                     rig.is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < 0.75));
+                let is_beyond_nearer = rig
+                    .is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < beyond_m));
+                let near_least = table.near_least_score.filter(|_| is_beyond_nearer);
+                least = near_least.unwrap_or(least);
                 let (mut g, agrees) = match state.v {
                     0 => (0, false),
                     v if lo <= v && v <= hi => (time.agrees.score(state.s), true),
@@ -137,7 +147,7 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                     g = g.max(0);
                 }
                 if state.v != 0 {
-                    (score, least) = (c + g, time.least_score);
+                    (score, least) = (c + g, near_least.unwrap_or(time.least_score));
                 }
                 let is_apart = match (state.added, run_pair.stamp_ns) {
                     (Some(a), Some(now)) => now - a >= 400 * MS,
@@ -196,8 +206,19 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
     let unstamped = vec![None; 12];
     for stamps in [ten_hz, two_hz, mixed, unstamped] {
         let run = run(&stamps);
-        for rig in [None, Some(rig())] {
-            let expected = expected(&algorithm, &run, rig);
+        for (rig, beyond_m) in [(None, None), (Some(rig()), None), (Some(rig()), Some(0.6))] {
+            let expected = expected(&algorithm, &run, rig, beyond_m.unwrap_or(2.0));
+            let cells = CellRule::Distance {
+                tolerance_m: 0.1,
+                tolerance_percent: 20.0,
+                obstacle_m: 0.5,
+                clear_m: 0.75,
+                beyond_m,
+            };
+            let context = |run_pair| MatchContext {
+                cells,
+                ..context(run_pair, rig)
+            };
             let singles: usize = expected.iter().flatten().filter(|cell| cell.0).count();
             assert!(singles > 20, "{singles}");
             for isa in Isa::available() {
@@ -207,7 +228,8 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
                         for (run_pair, expected) in run.iter().zip(&expected) {
                             // Warm-up and rounds: each pair is matched once more.
                             for _ in 0..2 {
-                                let got = got(&cells(&mut *matcher, run_pair, rig));
+                                let context = context(run_pair);
+                                let got = got(&decided(&mut *matcher, run_pair, &context));
                                 assert!(
                                     same(&got, expected),
                                     "{isa} {threads} {:?}",

@@ -173,6 +173,14 @@ impl CellPixels {
         (self.counts[bin] >> 32) as i64
     }
 
+    /// The bins from the first to the last with a vote; empty without any.
+    fn voted(&self) -> std::ops::Range<usize> {
+        let reaches = |votes: i64| move |count: &u64| i64::from(*count as u32) < votes;
+        let for_any = (self.votes - self.none).max(1);
+        let [first, last] = [1, for_any].map(|n| self.counts[1..].partition_point(reaches(n)));
+        first..(last + 1).min(self.counts.len() - 1)
+    }
+
     /// Fraction of the pixels that were seen.
     pub fn valid_share(&self) -> f64 {
         self.seen as f64 / self.pixels.max(1) as f64

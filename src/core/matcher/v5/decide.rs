@@ -15,6 +15,9 @@ const WIDE_RULE: (f64, f64) = (0.1, 20.0);
 const NARROW_RULE: (f64, f64) = (0.02, 5.0);
 const FITTED_PLACES: usize = 8;
 
+/// Distance up to which a report is held to less, metres, of rules without `beyond_m`.
+const BEYOND_M: f64 = 2.0;
+
 /// What is outside of the fit of the tables.
 #[derive(Clone, Copy, Default)]
 pub(super) struct OutsideFit {
@@ -45,6 +48,8 @@ struct Deciding<'a> {
     count: usize,
     /// `obstacle_m` and `clear_m` of the rule.
     near_m: (f64, f64),
+    /// Its `beyond_m`, or the default.
+    beyond_m: f64,
     stamp_ns: Option<u64>,
 }
 
@@ -99,6 +104,7 @@ impl Levels {
             is_small,
             count: all,
             near_m: context.cells.obstacle_and_clear_m(),
+            beyond_m: context.cells.beyond_m().unwrap_or(BEYOND_M),
             stamp_ns: context.stamp_ns,
         };
         let states = before
@@ -224,7 +230,11 @@ impl Deciding<'_> {
         let own = table.score(&evidence);
         decision.percentiles = pixels.percentiles();
         decision.evidence = Some(evidence);
-        (decision.scores, decision.least_score) = ([own; 2], table.least_score);
+        let near_least = table.near_least_score;
+        let near_least =
+            near_least.filter(|_| self.is_nearer(evidence.report, decision.level, self.beyond_m));
+        let least = |least_score| near_least.unwrap_or(least_score);
+        (decision.scores, decision.least_score) = ([own; 2], least(table.least_score));
         // A report of 0 has no past, and leaves none.
         let Some(time) = table.time.as_ref().filter(|_| evidence.report > 0) else {
             return CellPast::default();
@@ -236,7 +246,7 @@ impl Deciding<'_> {
             added = added.max(0);
         }
         if relation != Past::None {
-            (decision.scores[1], decision.least_score) = (own + added, time.least_score);
+            (decision.scores[1], decision.least_score) = (own + added, least(time.least_score));
         }
         before.after(relation, evidence.report, own, self.stamp_ns)
     }

@@ -49,8 +49,8 @@ pub enum V5Fault {
     NoTable(&'static str),
     #[error("'{0}': {1}; {CURE}")]
     Table(&'static str, #[source] TableFault),
-    #[error("'near': has no use for 'time'; {CURE}")]
-    Time,
+    #[error("'near': has no use for '{0}'; {CURE}")]
+    NoUse(&'static str),
     #[error("has no tensor '{0}'; {CURE}")]
     NoTensor(&'static str),
     #[error("its '{0}' is {1:?} {2:?}; expected I32 {3:?}; {CURE}")]
@@ -162,8 +162,13 @@ impl V5Model {
             coarsest: table("coarsest", 50)?,
             small: table("small", 50)?,
         };
-        if near.time.is_some() {
-            return Err(V5Fault::Time);
+        for (name, is_given) in [
+            ("time", near.time.is_some()),
+            ("near_least_score", near.near_least_score.is_some()),
+        ] {
+            if is_given {
+                return Err(V5Fault::NoUse(name));
+            }
         }
         let network = GapWeights::read(&tensors)?;
         let fitted = FittedTo::from_facts(&facts)?;
