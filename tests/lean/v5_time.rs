@@ -77,6 +77,7 @@ fn algorithm() -> Algorithm {
     model.levels.small = median.clone();
     model.median = median;
     model.near.base += 500;
+    model.near_small = None;
     let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
     algorithm
         .with("model", &Value::file("m", model.to_bytes()))
@@ -297,6 +298,70 @@ fn a_pair_after_a_reset_is_the_pair_alone() {
     }
     let algorithm: Algorithm = "v5:target=near".parse().unwrap();
     assert!(!algorithm.build().unwrap().has_run_memory());
+}
+
+#[test]
+fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
+    let mut model = V5Model::built_in();
+    model.near.slack = 100;
+    model.near.least_score = 500;
+    model.near_small = Some(model.near.clone());
+    let plain = V5Model {
+        near_small: None,
+        ..model.clone()
+    };
+    let of_model = |model: &V5Model| {
+        let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
+        let file = Value::file("m", model.to_bytes());
+        algorithm.with("model", &file).unwrap()
+    };
+    let (algorithm, plain) = (of_model(&model), of_model(&plain));
+    let near = plain.with("target", &Value::Choice("near")).unwrap();
+    let table = model.near_small.as_ref().unwrap();
+    let rig = rig();
+    let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 21);
+    let (mut shown, mut hidden, mut flags) = (0, 0, 0);
+    for run_pair in &run(&[None; 16]) {
+        let nearest = cells(&mut *near.build().unwrap(), run_pair, Some(rig));
+        let before = cells(&mut *plain.build().unwrap(), run_pair, Some(rig));
+        let now = cells(&mut *algorithm.build().unwrap(), run_pair, Some(rig));
+        for ((cell, before), near) in now.iter().zip(&before).zip(&nearest) {
+            let evidence = near.evidence.unwrap();
+            let (report, score) = (evidence.report, table.score(&evidence));
+            let [farthest, _] = tolerance.ends(report as usize);
+            let is_second = before.depth.is_none()
+                || 2 * before.evidence.unwrap().report < report + i64::from(farthest);
+            let is_seen = report > 0 && evidence.features[6] >= 13 && score >= 500;
+            let px = report as f64 / 8.0;
+            let expected = (is_seen && is_second).then(|| (px, rig.depth_m(px).unwrap()));
+            let surface = cell
+                .surface
+                .map(|surface| (surface.px.into(), surface.distance_m));
+            assert_eq!(surface, expected);
+            let is_near = expected.is_some_and(|(_, z)| z < 0.5) && before.depth.is_none();
+            assert_eq!(cell.near.is_some(), is_near);
+            shown += usize::from(expected.is_some());
+            hidden += usize::from(is_seen && !is_second);
+            flags += usize::from(is_near);
+            // Nothing else changes.
+            let rest = Cell {
+                surface: None,
+                near: before.near,
+                ..*cell
+            };
+            assert_eq!(rest, *before);
+        }
+        let without = cells(&mut *algorithm.build().unwrap(), run_pair, None);
+        assert!(
+            without
+                .iter()
+                .all(|cell| cell.surface.is_none() && cell.near.is_none())
+        );
+    }
+    assert!(
+        shown > 0 && hidden > 0 && flags > 0,
+        "{shown} {hidden} {flags}"
+    );
 }
 
 #[test]

@@ -37,6 +37,8 @@ pub struct SafeChoice {
     pub levels: Option<Box<LevelTables>>,
     /// The second decision, on unknown cells: whether something near is in them.
     pub near: Option<VerdictTable>,
+    /// That on small cells: their nearer surface; `None` if none is looked for.
+    pub near_small: Option<VerdictTable>,
     /// Part of the tolerance reserved for the matcher's own error, pixels.
     pub allowance_px: f64,
     /// The runs that tables and network were fitted to.

@@ -189,7 +189,8 @@ impl VerdictTable {
         };
         let score = |v: usize| 4 * safe(v) + 100 * held(v);
         let target = cell.percentile(self.rank);
-        // A bin beyond those is no better than the last of them, and farther from the percentile.
+        // A bin beyond those is no better than the last of them, and farther from the percentile:
+        // with a rank of 50 and more the votes for none weigh less than it.
         let reached = tolerance.reaching(cell.voted(), target as usize);
         let best = reached.clone().map(score).max().unwrap_or_default();
         let is_good =
