@@ -14,7 +14,7 @@ use std::ffi::{CString, c_char, c_void};
 use std::sync::LazyLock;
 use svl_core::Error;
 use svl_core::ranger::{Cells, ImageFormat, ImageRef, RangedCell, Ranger};
-use svl_core::stereo::{CellState, Reason};
+use svl_core::stereo::{CellState, NearSurface, Reason};
 
 /// `svl_handle`. Locked: two threads at once are a mistake of the caller, and no crash.
 pub struct Handle(Mutex<OpenHandle>);
@@ -60,10 +60,15 @@ pub struct CCell {
     pub reason: u8,
     pub level: u8,
     reserved: u8,
+    pub near_distance_m: f32,
+    pub near_px: f32,
+    pub surface_probability: f32,
 }
 
 impl From<&RangedCell> for CCell {
     fn from(cell: &RangedCell) -> Self {
+        let surface =
+            |value: fn(&NearSurface) -> f32| cell.surface.as_ref().map_or(f32::NAN, value);
         Self {
             distance_m: cell.distance_m.map_or(f32::NAN, |m| m as f32),
             disparity_px: cell.disparity_px.unwrap_or(f32::NAN),
@@ -77,6 +82,9 @@ impl From<&RangedCell> for CCell {
             reason: cell.reason as u8,
             level: cell.level,
             reserved: 0,
+            near_distance_m: surface(|surface| surface.distance_m as f32),
+            near_px: surface(|surface| surface.px),
+            surface_probability: surface(|surface| surface.probability as f32),
         }
     }
 }

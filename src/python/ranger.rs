@@ -16,8 +16,8 @@ use svl_core::{Error, Result};
 type RigTuple = (f64, f64, f64, f64, f64);
 
 /// Arrays of cells (distance_m, disparity_px, probability, valid_fraction, state, reason,
-/// level), then of pixels (disparities, reasons).
-type MatchArrays<'py> = [Bound<'py, PyAny>; 9];
+/// level, near_distance_m, near_px, surface_probability), then of pixels (disparities, reasons).
+type MatchArrays<'py> = [Bound<'py, PyAny>; 12];
 
 /// A ranger, which several threads may use in turns.
 #[pyclass(frozen, module = "svl_bench._svl")]
@@ -195,6 +195,15 @@ impl RangedPair {
             codes(|cell| cell.state.code())?,
             codes(|cell| cell.reason as u8)?,
             codes(|cell| cell.level)?,
+            floats(|cell| {
+                cell.surface
+                    .map_or(f32::NAN, |surface| surface.distance_m as f32)
+            })?,
+            floats(|cell| cell.surface.map_or(f32::NAN, |surface| surface.px))?,
+            floats(|cell| {
+                cell.surface
+                    .map_or(f32::NAN, |surface| surface.probability as f32)
+            })?,
             array(py, self.disparities, [height, width])?.into_any(),
             array(py, self.reasons, [height, width])?.into_any(),
         ])

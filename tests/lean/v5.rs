@@ -34,6 +34,7 @@ impl V5 {
                 rank,
                 slack: *slack,
                 least_score: 1099,
+                near_least_score: None,
                 base,
                 steps,
                 time: None,
@@ -50,6 +51,7 @@ impl V5 {
             },
             median,
             near: table(75, NEAR),
+            near_small: None,
             ..V5Model::built_in()
         };
         assert_eq!(*rank, if target == "near" { 75 } else { 50 });

@@ -70,12 +70,14 @@ fn algorithm() -> Algorithm {
     let mut model = V5Model::built_in();
     let mut median = VerdictTable {
         base: model.median.base + 1500,
+        near_least_score: Some(1000),
         ..model.median.clone()
     };
     median.time.as_mut().unwrap().least_score = 3500;
     model.levels.small = median.clone();
     model.median = median;
     model.near.base += 500;
+    model.near_small = None;
     let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
     algorithm
         .with("model", &Value::file("m", model.to_bytes()))
@@ -91,7 +93,12 @@ struct State {
 }
 
 /// The cells of a run from those of its single pairs.
-fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec<(bool, f64)>> {
+fn expected(
+    algorithm: &Algorithm,
+    run: &[RunPair],
+    rig: Option<Rig>,
+    beyond_m: f64,
+) -> Vec<Vec<(bool, f64)>> {
     let table = algorithm.safe_choice().unwrap().unwrap().table;
     let time = table.time.clone().unwrap();
     let tolerance = Tolerance::new(CellRule::default(), rig.as_ref(), 0.25, 16 * 21);
@@ -127,6 +134,10 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                 let [lo, hi] = tolerance.ends(b as usize).map(i64::from);
                 let is_clear_nearer =
                     rig.is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < 0.75));
+                let is_beyond_nearer = rig
+                    .is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < beyond_m));
+                let near_least = table.near_least_score.filter(|_| is_beyond_nearer);
+                least = near_least.unwrap_or(least);
                 let (mut g, agrees) = match state.v {
                     0 => (0, false),
                     v if lo <= v && v <= hi => (time.agrees.score(state.s), true),
@@ -137,7 +148,7 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                     g = g.max(0);
                 }
                 if state.v != 0 {
-                    (score, least) = (c + g, time.least_score);
+                    (score, least) = (c + g, near_least.unwrap_or(time.least_score));
                 }
                 let is_apart = match (state.added, run_pair.stamp_ns) {
                     (Some(a), Some(now)) => now - a >= 400 * MS,
@@ -196,8 +207,19 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
     let unstamped = vec![None; 12];
     for stamps in [ten_hz, two_hz, mixed, unstamped] {
         let run = run(&stamps);
-        for rig in [None, Some(rig())] {
-            let expected = expected(&algorithm, &run, rig);
+        for (rig, beyond_m) in [(None, None), (Some(rig()), None), (Some(rig()), Some(0.6))] {
+            let expected = expected(&algorithm, &run, rig, beyond_m.unwrap_or(2.0));
+            let cells = CellRule::Distance {
+                tolerance_m: 0.1,
+                tolerance_percent: 20.0,
+                obstacle_m: 0.5,
+                clear_m: 0.75,
+                beyond_m,
+            };
+            let context = |run_pair| MatchContext {
+                cells,
+                ..context(run_pair, rig)
+            };
             let singles: usize = expected.iter().flatten().filter(|cell| cell.0).count();
             assert!(singles > 20, "{singles}");
             for isa in Isa::available() {
@@ -207,7 +229,8 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
                         for (run_pair, expected) in run.iter().zip(&expected) {
                             // Warm-up and rounds: each pair is matched once more.
                             for _ in 0..2 {
-                                let got = got(&cells(&mut *matcher, run_pair, rig));
+                                let context = context(run_pair);
+                                let got = got(&decided(&mut *matcher, run_pair, &context));
                                 assert!(
                                     same(&got, expected),
                                     "{isa} {threads} {:?}",
@@ -275,6 +298,70 @@ fn a_pair_after_a_reset_is_the_pair_alone() {
     }
     let algorithm: Algorithm = "v5:target=near".parse().unwrap();
     assert!(!algorithm.build().unwrap().has_run_memory());
+}
+
+#[test]
+fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
+    let mut model = V5Model::built_in();
+    model.near.slack = 100;
+    model.near.least_score = 500;
+    model.near_small = Some(model.near.clone());
+    let plain = V5Model {
+        near_small: None,
+        ..model.clone()
+    };
+    let of_model = |model: &V5Model| {
+        let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
+        let file = Value::file("m", model.to_bytes());
+        algorithm.with("model", &file).unwrap()
+    };
+    let (algorithm, plain) = (of_model(&model), of_model(&plain));
+    let near = plain.with("target", &Value::Choice("near")).unwrap();
+    let table = model.near_small.as_ref().unwrap();
+    let rig = rig();
+    let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 21);
+    let (mut shown, mut hidden, mut flags) = (0, 0, 0);
+    for run_pair in &run(&[None; 16]) {
+        let nearest = cells(&mut *near.build().unwrap(), run_pair, Some(rig));
+        let before = cells(&mut *plain.build().unwrap(), run_pair, Some(rig));
+        let now = cells(&mut *algorithm.build().unwrap(), run_pair, Some(rig));
+        for ((cell, before), near) in now.iter().zip(&before).zip(&nearest) {
+            let evidence = near.evidence.unwrap();
+            let (report, score) = (evidence.report, table.score(&evidence));
+            let [farthest, _] = tolerance.ends(report as usize);
+            let is_second = before.depth.is_none()
+                || 2 * before.evidence.unwrap().report < report + i64::from(farthest);
+            let is_seen = report > 0 && evidence.features[6] >= 13 && score >= 500;
+            let px = report as f64 / 8.0;
+            let expected = (is_seen && is_second).then(|| (px, rig.depth_m(px).unwrap()));
+            let surface = cell
+                .surface
+                .map(|surface| (surface.px.into(), surface.distance_m));
+            assert_eq!(surface, expected);
+            let is_near = expected.is_some_and(|(_, z)| z < 0.5) && before.depth.is_none();
+            assert_eq!(cell.near.is_some(), is_near);
+            shown += usize::from(expected.is_some());
+            hidden += usize::from(is_seen && !is_second);
+            flags += usize::from(is_near);
+            // Nothing else changes.
+            let rest = Cell {
+                surface: None,
+                near: before.near,
+                ..*cell
+            };
+            assert_eq!(rest, *before);
+        }
+        let without = cells(&mut *algorithm.build().unwrap(), run_pair, None);
+        assert!(
+            without
+                .iter()
+                .all(|cell| cell.surface.is_none() && cell.near.is_none())
+        );
+    }
+    assert!(
+        shown > 0 && hidden > 0 && flags > 0,
+        "{shown} {hidden} {flags}"
+    );
 }
 
 #[test]

@@ -198,6 +198,9 @@ impl RowIdentity {
                 stress: self.stress.clone(),
                 true_points: judgement.points.map(|points| points as u64),
                 level: cell.level.into(),
+                near_distance_m: cell.surface.map(|surface| surface.distance_m),
+                near_px: cell.surface.map(|surface| surface.px.into()),
+                surface_probability: cell.surface.map(|surface| surface.probability),
             }
         };
         estimate.grid.iter().enumerate().map(row).collect()

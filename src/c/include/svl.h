@@ -58,6 +58,10 @@ typedef struct svl_cell {
     uint8_t reason;       /* svl_reason */
     uint8_t level;        /* size of the image that decided: 0 the pair's, 1 half of it, ...; 0 but for v5 */
     uint8_t reserved;
+    /* The nearer of two surfaces, or what is seen in an unknown cell; NAN without one. Of v5's small cells (24 x 12). */
+    float near_distance_m;
+    float near_px;
+    float surface_probability; /* that the cell has a surface there, 0 to 1 */
 } svl_cell;
 
 /* Layout of a pixel. 16-bit values are in the machine's byte order; svl matches the upper eight of the bits in use, and larger

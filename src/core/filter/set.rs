@@ -128,7 +128,7 @@ impl Filters {
             .zip(floor.into_iter().flatten())
             .filter(|(_, seen)| **seen)
         {
-            cell.depth = None;
+            (cell.depth, cell.surface) = (None, None);
             // It belonged to the removed report.
             cell.probability = None;
         }

@@ -1,6 +1,6 @@
 //! The answer of a ranger: a distance, a probability and a state for each cell.
 
-use crate::stereo::{Cell, CellState, GridShape, Reason};
+use crate::stereo::{Cell, CellState, GridShape, NearSurface, Reason};
 
 /// The answer for a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +22,8 @@ pub struct RangedCell {
     pub reason: Reason,
     /// Size of the image at which the cell was decided, as [`Cell::level`].
     pub level: u8,
+    /// What is in front of the distance, or seen in an unknown cell, of small cells of v5.
+    pub surface: Option<NearSurface>,
 }
 
 impl RangedCell {
@@ -35,6 +37,7 @@ impl RangedCell {
             state: cell.state(),
             reason,
             level: cell.level,
+            surface: cell.surface,
         }
     }
 }

@@ -65,9 +65,22 @@ pub struct Cell {
     /// Probability that something is nearer than the rule's `obstacle_m`, of an unknown cell that
     /// is flagged.
     pub near: Option<f64>,
+    /// What is in front of `depth`, or seen in an unknown cell; of small cells of v5 alone.
+    pub surface: Option<NearSurface>,
     /// Size of the image at which the cell was decided: 0 is that of the pair, each further level
     /// half of the one before; 0 for algorithms without levels.
     pub level: u8,
+}
+
+/// The nearer of two surfaces of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearSurface {
+    /// Disparity, pixels of the pair.
+    pub px: f32,
+    /// Distance along the optical axis, metres.
+    pub distance_m: f64,
+    /// Probability that the cell has a surface at that distance, 0..=1.
+    pub probability: f64,
 }
 
 /// Evidence on a cell, from which it is decided whether to report it ([`crate::depth::decision`]).
@@ -148,8 +161,16 @@ impl Cell {
         reason: None,
         evidence: None,
         near: None,
+        surface: None,
         level: 0,
     };
+
+    /// Distance of the nearest of its surfaces, metres; `None` if nothing is known, or all is far.
+    pub fn nearest_m(&self) -> Option<f64> {
+        let distance_m = self.depth.and_then(|depth| depth.distance_m);
+        let surface_m = self.surface.map(|surface| surface.distance_m);
+        distance_m.into_iter().chain(surface_m).reduce(f64::min)
+    }
 
     pub fn state(&self) -> CellState {
         match (self.depth, self.near) {
@@ -326,7 +347,9 @@ impl DepthGrid {
                 None => f32::INFINITY,
             };
             let px = cell.depth.map_or([none; 3], px);
-            px.iter().for_each(|px| hasher.update(&px.to_le_bytes()));
+            let surface = cell.surface.map(|surface| surface.px);
+            let all = px.iter().chain(&surface);
+            all.for_each(|px| hasher.update(&px.to_le_bytes()));
         }
         hasher.digest128()
     }

@@ -48,7 +48,7 @@ pub use {
         Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Surface, Truth,
         TruthKind, TruthOrigin, Visibility,
     },
-    grid::{CellEvidence, LevelCell, LevelVerdict},
+    grid::{CellEvidence, LevelCell, LevelVerdict, NearSurface},
     identity::{FittedTo, PairId, UnsortedPairs, hash_words, parse_hash},
     image::{MAX_SIDE, buffer, reserve},
     limits::{check_doffs, check_offsets},

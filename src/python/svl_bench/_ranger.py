@@ -39,7 +39,7 @@ class State(enum.IntEnum):
 
 
 class Match(NamedTuple):
-    """The answer for a pair. The first seven are arrays of cells, rows x columns from the top left; the
+    """The answer for a pair. The first ten are arrays of cells, rows x columns from the top left; the
     last two have the height and width of the rectified images."""
 
     distance_m: Floats
@@ -56,6 +56,13 @@ class Match(NamedTuple):
     """uint8, index into REASONS: why a cell is unknown."""
     level: Codes
     """uint8, size of the image that decided the cell (v5): 0 the pair's, 1 half of it, ..."""
+    near_distance_m: Floats
+    """float32, metres: the nearer of two surfaces, or what is seen in an unknown cell; NaN without one. Of
+    v5's small cells (24 x 12)."""
+    near_px: Floats
+    """float32, its disparity, pixels."""
+    surface_probability: Floats
+    """float32, 0 to 1, that the cell has a surface there."""
     disparity: Floats
     """float32, pixels: the left pixel (x, y) shows what the right one (x - d, y) does; infinite: none.
     v5 decides cells by more than this map."""

@@ -47,6 +47,16 @@ pub struct CellReport {
     /// Size of the image at which it was decided, 0 for that of the pair, as [`Cell::level`].
     #[serde(default, skip_serializing_if = "is_zero")]
     pub level: u8,
+    /// Distance of the nearer of two surfaces, or of what is seen in an unknown cell, metres; of
+    /// small cells of v5.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_distance_m: Option<f64>,
+    /// Disparity of that surface, pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_px: Option<f32>,
+    /// Probability that the cell has a surface there, 0..=1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface_probability: Option<f64>,
 }
 
 fn is_zero(level: &u8) -> bool {
@@ -66,6 +76,9 @@ impl CellReport {
             probability: cell.probability.map(rounded),
             near_probability: cell.near.map(rounded),
             level: cell.level,
+            near_distance_m: cell.surface.map(|surface| rounded(surface.distance_m)),
+            near_px: cell.surface.map(|surface| surface.px),
+            surface_probability: cell.surface.map(|surface| rounded(surface.probability)),
         };
         grid.iter().map(report).collect()
     }

@@ -198,6 +198,9 @@ pub(crate) mod tests {
             disparity_px: None,
             probability: (z == 2.0).then_some(0.75),
             near_probability: None,
+            near_distance_m: None,
+            near_px: None,
+            surface_probability: None,
             level: 0,
         };
         let rows_of_cells = rows.iter().enumerate();

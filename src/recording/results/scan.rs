@@ -61,8 +61,8 @@ pub fn static_transforms(
 /// A sensor_msgs/msg/LaserScan of the cells that are not of the floor. A beam has the range of the
 /// nearest known cell of its column; `+∞` if all its cells are known and none is nearer than
 /// `range_max`; NaN otherwise, and if the search begins beyond `range_max`. A cell with something
-/// near is unknown, or known at [`ResultOptions::near_m`]. Intensities are the cells'
-/// probabilities, 0 if none is reported.
+/// near is unknown, or known at [`ResultOptions::near_m`]; of two surfaces the nearer counts, also
+/// of an unknown cell. Intensities are the cells' probabilities, 0 if none is reported.
 pub(crate) fn scan(
     result: &PairResult,
     rig: &Rig,
@@ -143,15 +143,22 @@ impl Columns {
                 let below = cells.center_px(cell, size).1 - rig.center_px().1;
                 camera_height_m.is_some() || below <= BELOW * rows
             };
-            let is_obstacle = |cell: &CellReport| {
-                let z = cell.distance_m.or_else(|| flagged_m(cell))?;
-                let [_, below, _] = rig.point_m(cells.center_px(cell, size), z);
-                let is_floor = camera_height_m.is_some_and(|height| below >= FLOOR * height);
+            let obstacles = |cell: &CellReport| {
+                let flagged_m = flagged_m(cell).filter(|_| cell.near_distance_m.is_none());
                 let probability = cell.near_probability.or(cell.probability);
-                (!is_floor).then_some((z, probability.unwrap_or(0.0)))
+                let surfaces = [
+                    (cell.distance_m.or(flagged_m), probability),
+                    (cell.near_distance_m, cell.surface_probability),
+                ];
+                let center_px = cells.center_px(cell, size);
+                surfaces.into_iter().filter_map(move |(z, probability)| {
+                    let [_, below, _] = rig.point_m(center_px, z?);
+                    let is_floor = camera_height_m.is_some_and(|height| below >= FLOOR * height);
+                    (!is_floor).then_some((z?, probability.unwrap_or(0.0)))
+                })
             };
             let looked_at: Vec<_> = own.filter(is_looked_at).collect();
-            let obstacles = looked_at.iter().filter_map(|cell| is_obstacle(cell));
+            let obstacles = looked_at.iter().flat_map(|cell| obstacles(cell));
             let is_unknown = |cell: &&CellReport| {
                 let is_possible = cell.disparity_px.is_none_or(|d| rig.is_possible(d.into()));
                 let is_unknown = match cell.state {
@@ -239,6 +246,28 @@ mod tests {
         };
         assert!(scan_of(None).is_nan());
         assert!((0.5..0.55).contains(&scan_of(Some(0.5))));
+    }
+
+    #[test]
+    fn the_nearer_of_two_surfaces_is_an_obstacle_also_of_an_unknown_cell() {
+        let mut result = result(&[&[2.0, f64::NAN]], Plane::filled(1, 1, 0.0).unwrap());
+        for (cell, near_m) in result.cells.cells.iter_mut().zip([1.25, 0.4]) {
+            cell.near_distance_m = Some(near_m);
+            cell.surface_probability = Some(0.9);
+        }
+        // It stands in for the flag, too.
+        for state in [CellState::Unknown, CellState::Near] {
+            result.cells.cells[1].state = state;
+            let options = ResultOptions {
+                near_m: Some(0.2),
+                ..ResultOptions::new("cam_optical_frame")
+            };
+            let data = scan(&result, &rig(), SIZE, RosStamp::new(1).unwrap(), &options).data;
+            let ranges = ros::read_cdr(&data, ros::laser_scan).unwrap().ranges;
+            let ends = [ranges[0], ranges[ranges.len() - 1]];
+            assert!((0.4..0.45).contains(&ends[0]), "{ends:?}");
+            assert!((1.25..1.35).contains(&ends[1]), "{ends:?}");
+        }
     }
 
     #[test]

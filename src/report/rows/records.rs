@@ -342,6 +342,13 @@ record! {
         /// Size of the image at which the cell was decided: 0 is that of the pair, each further
         /// level half of the one before; 0 of an algorithm without levels.
         level: u32,
+        /// Distance of the nearer of two surfaces, or of what is seen in an unknown cell, of small
+        /// cells of v5.
+        near_distance_m: Option<f64>,
+        /// Disparity of that surface.
+        near_px: Option<f64>,
+        /// Probability that the cell has a surface there.
+        surface_probability: Option<f64>,
     }
 }
 

@@ -121,7 +121,14 @@ impl Steering {
                 robot.to_world(distance_m, -slope * distance_m)
             })
         };
-        let stands_for = rule.stands_for(cell.state());
+        let surface_m = cell.surface.map(|surface| surface.distance_m);
+        let known_m = known_m.map(|known_m| surface_m.map_or(known_m, |z| z.min(known_m)));
+        let state = match cell.state() {
+            // The surface flags it.
+            CellState::Unknown if surface_m.is_some() => CellState::Near,
+            state => state,
+        };
+        let stands_for = rule.stands_for(state);
         if let (Some(known_m), None) = (known_m, stands_for) {
             self.seen.retain(|seen| {
                 let (ahead, left) = robot.to_robot(seen.at);
@@ -135,8 +142,8 @@ impl Steering {
                 self.seen.extend(points.map(|at| Obstacle { at, time_s }));
             }
         } else if stands_for == Some(CellStandsFor::Obstacle) {
-            let distance_m = match cell.state() {
-                CellState::Near if rule.near.is_some() => rule.near_m,
+            let distance_m = match state {
+                CellState::Near if rule.near.is_some() => surface_m.unwrap_or(rule.near_m),
                 _ => rule.assumed_m,
             };
             obstacles.extend(points(distance_m));
@@ -302,7 +309,7 @@ fn read(cell: &Cell, part: CellPart, rig: &Rig) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{CellDepth, GridShape};
+    use svl_core::stereo::{CellDepth, GridShape, NearSurface};
 
     fn rig() -> Rig {
         Rig::new(328.0, (159.5, 119.5), 0.044, 0.0).unwrap()
@@ -412,6 +419,35 @@ mod tests {
             let command = Steering::new(&config).decide(&close, (&rig, 320), [&robot, &robot], 0.0);
             assert_eq!(command.speed_m_per_s == 0.0, stops, "{stands_for:?}");
         }
+    }
+
+    #[test]
+    fn the_nearer_of_two_surfaces_counts() {
+        let surfaced = |distances, at_m: f64| {
+            let mut grid = grid(distances);
+            let surface = NearSurface {
+                px: rig().disparity_px(at_m) as f32,
+                distance_m: at_m,
+                probability: 0.9,
+            };
+            grid.cells_mut()
+                .for_each(|cell| cell.surface = Some(surface));
+            grid
+        };
+        let (rig, robot) = (rig(), at(0.0));
+        let mut config = DriveConfig::default();
+        let speed = |config: &DriveConfig, grid: &DepthGrid| {
+            let mut steering = Steering::new(config);
+            let command = steering.decide(grid, (&rig, 320), [&robot, &robot], 0.0);
+            command.speed_m_per_s
+        };
+        let far = speed(&config, &grid([3.0; 5]));
+        assert!(speed(&config, &surfaced([3.0; 5], 0.2)) < far);
+        // A cell without a distance is as one that is flagged, at the surface's distance.
+        let unknown = surfaced([0.0; 5], 0.2);
+        assert_eq!(speed(&config, &unknown), speed(&config, &grid([0.0; 5])));
+        config.steering.near = Some(CellStandsFor::Obstacle);
+        assert_eq!(speed(&config, &unknown), 0.0);
     }
 
     #[test]

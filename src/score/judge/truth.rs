@@ -386,13 +386,10 @@ impl CellTruth {
 }
 
 impl NearTruth {
-    /// Scores the report of a cell by its nearest quarter.
+    /// Scores the report of a cell, the nearer of two surfaces, by its nearest quarter.
     fn judge(self, cell: &Cell, rule: CellRule) -> NearJudgement {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-        let is_at_most = |limit_m: f64| {
-            let distance_m = cell.depth.and_then(|report| report.distance_m);
-            distance_m.is_some_and(|z| z <= limit_m)
-        };
+        let is_at_most = |limit_m: f64| cell.nearest_m().is_some_and(|z| z <= limit_m);
         let is_reported = is_at_most(clear_m) || cell.too_close || cell.near.is_some();
         let is_obstacle = is_at_most(obstacle_m.next_down());
         NearJudgement {

@@ -89,6 +89,9 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         stress: None,
         true_points: None,
         level: 0,
+        near_distance_m: None,
+        near_px: None,
+        surface_probability: None,
     }
 }
 

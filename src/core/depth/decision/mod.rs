@@ -37,6 +37,8 @@ pub struct SafeChoice {
     pub levels: Option<Box<LevelTables>>,
     /// The second decision, on unknown cells: whether something near is in them.
     pub near: Option<VerdictTable>,
+    /// That on small cells: their nearer surface; `None` if none is looked for.
+    pub near_small: Option<VerdictTable>,
     /// Part of the tolerance reserved for the matcher's own error, pixels.
     pub allowance_px: f64,
     /// The runs that tables and network were fitted to.
@@ -171,6 +173,14 @@ impl CellPixels {
     /// Votes for lower bins that support them.
     fn supporting(&self, bin: usize) -> i64 {
         (self.counts[bin] >> 32) as i64
+    }
+
+    /// The bins from the first to the last with a vote; empty without any.
+    fn voted(&self) -> std::ops::Range<usize> {
+        let reaches = |votes: i64| move |count: &u64| i64::from(*count as u32) < votes;
+        let for_any = (self.votes - self.none).max(1);
+        let [first, last] = [1, for_any].map(|n| self.counts[1..].partition_point(reaches(n)));
+        first..(last + 1).min(self.counts.len() - 1)
     }
 
     /// Fraction of the pixels that were seen.

@@ -94,6 +94,9 @@ pub struct VerdictTable {
     pub slack: i64,
     /// Least score of a known cell.
     pub least_score: i64,
+    /// That of a report nearer than the rule's `beyond_m`, with and without a past.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_least_score: Option<i64>,
     pub base: i64,
     #[serde(with = "by_name")]
     pub steps: [Steps; Feature::ALL.len()],
@@ -104,17 +107,23 @@ pub struct VerdictTable {
 
 impl VerdictTable {
     /// Parses a table: JSON with `rank`, `slack`, `least_score`, `base`, and under `steps` per
-    /// feature a list of `[above, score]`.
+    /// feature a list of `[above, score]`; `near_least_score` and `time` may be absent.
     ///
     /// # Errors
     /// The fault in the text.
     pub fn parse(text: &str) -> Result<Self, TableFault> {
         let table: Self = serde_json::from_str(text)?;
+        let near_least_score = table.near_least_score.unwrap_or_default();
         for (name, number, range) in [
             ("rank", table.rank, 1..=99),
             ("slack", table.slack, 0..=1000),
             ("base", table.base, -MAX_NUMBER..=MAX_NUMBER),
             ("least_score", table.least_score, -MAX_NUMBER..=MAX_NUMBER),
+            (
+                "near_least_score",
+                near_least_score,
+                -MAX_NUMBER..=MAX_NUMBER,
+            ),
         ] {
             if !range.contains(&number) {
                 return Err(TableFault::Range(name, number, range));
@@ -134,10 +143,11 @@ impl VerdictTable {
         serde_json::to_string(self).expect("a table has only numbers and names")
     }
 
-    /// The same table with cells known from that probability on, 0.5..1.
+    /// The same table with cells known from that probability on, 0.5..1, at any distance.
     #[must_use]
     pub fn known_from(mut self, confidence: f64) -> Self {
         self.least_score = least_score(confidence);
+        self.near_least_score = None;
         if let Some(time) = &mut self.time {
             time.least_score = self.least_score;
         }
@@ -178,13 +188,19 @@ impl VerdictTable {
             supporting(r) - supporting(l)
         };
         let score = |v: usize| 4 * safe(v) + 100 * held(v);
-        let best = (0..bins).map(score).max().unwrap_or_default();
         let target = cell.percentile(self.rank);
-        let good = |v: &usize| 10 * (best - score(*v)) <= 4 * self.slack * votes;
-        let report = (0..bins)
-            .filter(good)
-            .min_by_key(|&v| ((v as i64 - target).abs(), -(v as i64)))
-            .unwrap_or_default();
+        // A bin beyond those is no better than the last of them, and farther from the percentile:
+        // with a rank of 50 and more the votes for none weigh less than it.
+        let reached = tolerance.reaching(cell.voted(), target as usize);
+        let best = reached.clone().map(score).max().unwrap_or_default();
+        let is_good =
+            |v: &usize| reached.contains(v) && 10 * (best - score(*v)) <= 4 * self.slack * votes;
+        // The nearest to the percentile; of two, the greater.
+        let apart = (0..bins).flat_map(|apart| {
+            let below = (target as usize).checked_sub(apart);
+            std::iter::once(target as usize + apart).chain(below)
+        });
+        let report = apart.into_iter().find(is_good).unwrap_or_default();
         let report_bins = report as i64;
         let vote_share = |part: i64| match cell.agreed {
             Some(_) => 1000 * part / votes,
@@ -285,6 +301,8 @@ mod by_name {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::depth::decision::StepSum;
+    use crate::stereo::CellRule;
 
     fn table() -> VerdictTable {
         let mut steps: [Steps; Feature::ALL.len()] = Default::default();
@@ -294,6 +312,7 @@ mod tests {
             rank: 50,
             slack: 100,
             least_score: 2197,
+            near_least_score: Some(1386),
             base: -1907,
             steps,
             time: Some(TimeTable {
@@ -310,6 +329,7 @@ mod tests {
         for table in [
             table(),
             VerdictTable {
+                near_least_score: None,
                 time: None,
                 ..table()
             },
@@ -331,6 +351,7 @@ mod tests {
             ("-59", "-9999999999", "steps.cost: a number is beyond"),
             ("-1907", "-9999999999", "base is -9999999999"),
             ("2587", "9999999999", "time.least_score is beyond"),
+            ("1386", "9999999999", "near_least_score is 9999999999"),
             ("452", "-452", "time.agrees"),
             ("-135", "135", "time.farther"),
         ];
@@ -342,8 +363,84 @@ mod tests {
         }
     }
 
+    /// The report as the specification has it: of all bins.
+    fn report_of_all(table: &VerdictTable, cell: &CellPixels, tolerance: &Tolerance) -> i64 {
+        let rank = table.rank * cell.votes - 50 * cell.none;
+        let score = |v: usize| {
+            let [l, r] = tolerance.within(v);
+            let safe = (rank - 100 * cell.all(l)).min(100 * cell.all(r) - rank);
+            4 * safe + 100 * (cell.supporting(r) - cell.supporting(l))
+        };
+        let bins = 0..tolerance.bins();
+        let best = bins.clone().map(score).max().unwrap();
+        let target = cell.percentile(table.rank);
+        let good = bins.filter(|v| 10 * (best - score(*v)) <= 4 * table.slack * cell.votes);
+        let nearest = good.min_by_key(|v| ((*v as i64 - target).abs(), -(*v as i64)));
+        nearest.unwrap() as i64
+    }
+
+    #[test]
+    fn bins_without_a_vote_in_reach_change_no_report() {
+        const BINS: usize = 16 * 41;
+        let rig = |doffs_px| Rig::new(328.0, (160.0, 120.0), 0.044, doffs_px).unwrap();
+        let narrow = CellRule::Distance {
+            tolerance_m: 0.02,
+            tolerance_percent: 5.0,
+            obstacle_m: 0.5,
+            clear_m: 0.75,
+            beyond_m: None,
+        };
+        let rules = [
+            (CellRule::default(), Some(rig(0.0))),
+            (CellRule::default(), Some(rig(-3.0))),
+            (CellRule::default(), Some(rig(5.0))),
+            (narrow, Some(rig(0.0))),
+            (CellRule::default(), None),
+        ];
+        let tolerances = rules.map(|(rule, rig)| Tolerance::new(rule, rig.as_ref(), 0.25, BINS));
+        let tables = [(50, 100), (75, 10), (75, 100)].map(|(rank, slack)| VerdictTable {
+            rank,
+            slack,
+            ..table()
+        });
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut cell = CellPixels::new(BINS);
+        for round in 0..3000 {
+            cell.clear();
+            let surfaces: Vec<_> = (0..random.usize(1..4))
+                .map(|_| random.i16(0..640))
+                .collect();
+            let (width, none) = (random.i16(1..16), random.u8(0..=255));
+            for _ in 0..random.usize(1..60) {
+                let surface = random.choice(&surfaces).unwrap();
+                let bins = [0; 3].map(|_: i32| surface + random.i16(0..width));
+                let votes = [random.u8(0..90), random.u8(0..90), random.u8(0..90)];
+                let votes = votes.map(|votes| if none == 255 { 0 } else { votes });
+                let votes = [votes[0], votes[1], votes[2], random.u8(0..=none).max(1)];
+                cell.vote(&bins, &votes, 0);
+                // Gaps that were filled vote without support.
+                let seen = random.u8(0..2);
+                cell.add(&bins[..1], &[seen], 0, StepSum::default());
+                if none == 255 {
+                    break;
+                }
+            }
+            cell.count();
+            for tolerance in &tolerances {
+                for table in &tables {
+                    let report = table.evidence(&cell, tolerance).report;
+                    let expected = report_of_all(table, &cell, tolerance);
+                    assert_eq!(report, expected, "round {round}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn confidence_is_log_odds() {
+        let table = table().known_from(0.75);
+        let least = (table.least_score, table.near_least_score);
+        assert_eq!(least, (1099, None));
         assert_eq!(least_score(0.75), 1099);
         assert_eq!(least_score(0.5), 0);
     }

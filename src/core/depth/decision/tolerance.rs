@@ -2,6 +2,7 @@
 
 use super::BINS_PER_PX;
 use crate::stereo::{CellRule, Rig};
+use std::ops::Range;
 
 /// For each bin that could be reported, the bins of true disparities for which it is right.
 #[derive(Clone, Debug)]
@@ -66,6 +67,19 @@ impl Tolerance {
     /// The first bin for which `bin` is right, and one past the last.
     pub(super) fn within(&self, bin: usize) -> [usize; 2] {
         self.within[bin].map(|end| end as usize)
+    }
+
+    /// The bins from `bin`, and from the first that is right for any of `voted`, to the last.
+    pub(super) fn reaching(&self, voted: Range<usize>, bin: usize) -> Range<usize> {
+        // The ends rise with the bin, but for those at infinity, which are all that of bin 0.
+        let is_below = |[_, end]: &[u32; 2]| *end as usize <= voted.start;
+        let first = match self.within.first() {
+            Some(first) if !is_below(first) => 0,
+            _ => self.within.partition_point(is_below),
+        };
+        let is_reached = |[start, _]: &[u32; 2]| (*start as usize) < voted.end;
+        let end = self.within.partition_point(is_reached);
+        first.min(bin)..end.max(bin + 1).min(self.bins())
     }
 
     /// The first and the last bin for which `bin` is right, including those beyond the range.

@@ -3,10 +3,11 @@
 use super::levels::{Levels, has_small_cells, places};
 use super::past::PairKey;
 use crate::depth::decision::{
-    BINS_PER_PX, CellPast, CellPixels, LevelRule, Past, SafeChoice, Tolerance, cell, probability,
+    BINS_PER_PX, CellPast, CellPixels, Feature, LevelRule, Past, SafeChoice, Tolerance, cell,
+    probability,
 };
 use crate::matcher::MatchContext;
-use crate::stereo::{Cell, CellRule, LevelCell};
+use crate::stereo::{Cell, CellRule, LevelCell, NearSurface};
 use rayon::prelude::*;
 
 /// The narrowest rule of distances, metres and percent, that the tables of images up to 400 px were
@@ -14,6 +15,12 @@ use rayon::prelude::*;
 const WIDE_RULE: (f64, f64) = (0.1, 20.0);
 const NARROW_RULE: (f64, f64) = (0.02, 5.0);
 const FITTED_PLACES: usize = 8;
+
+/// Distance up to which a report is held to less, metres, of rules without `beyond_m`.
+const BEYOND_M: f64 = 2.0;
+
+/// Least number of right bins of a nearer surface: a narrower tolerance takes a far wall for one.
+const MIN_SURFACE_SPAN: i64 = 13;
 
 /// What is outside of the fit of the tables.
 #[derive(Clone, Copy, Default)]
@@ -45,6 +52,8 @@ struct Deciding<'a> {
     count: usize,
     /// `obstacle_m` and `clear_m` of the rule.
     near_m: (f64, f64),
+    /// `beyond_m` of the rule, or the default.
+    beyond_m: f64,
     stamp_ns: Option<u64>,
 }
 
@@ -99,6 +108,7 @@ impl Levels {
             is_small,
             count: all,
             near_m: context.cells.obstacle_and_clear_m(),
+            beyond_m: context.cells.beyond_m().unwrap_or(BEYOND_M),
             stamp_ns: context.stamp_ns,
         };
         let states = before
@@ -200,11 +210,46 @@ impl Deciding<'_> {
         };
         let mut cell = self.chosen(decisions, chosen);
         cell.valid_share = valid_share;
-        if cell.depth.is_none() && is_collected {
-            // The pixels are those of the coarsest level, which sees nearest.
-            cell.near = self.near(pixels);
+        if !is_collected {
+            return cell;
+        }
+        // The pixels are those of the coarsest level, which sees nearest; small cells have one.
+        cell.surface = self.surface(pixels, &cell);
+        if cell.depth.is_none() {
+            cell.near = match &self.choice.near_small {
+                Some(_) if self.is_small => {
+                    let is_near = |surface: &NearSurface| surface.distance_m < self.near_m.0;
+                    let near = cell.surface.filter(is_near);
+                    near.map(|surface| surface.probability)
+                }
+                _ => self.near(pixels),
+            };
         }
         cell
+    }
+
+    /// The nearer surface of a small cell, by its pixels; none that is the cell's report.
+    fn surface(&self, pixels: &CellPixels, cell: &Cell) -> Option<NearSurface> {
+        let table = self.choice.near_small.as_ref().filter(|_| self.is_small)?;
+        let (rig, tolerance) = (self.rule.rig?, self.rule.tolerances.last()?);
+        let evidence = table.evidence(pixels, tolerance);
+        let (report, score) = (evidence.report, table.score(&evidence));
+        let is_wide = evidence.features[Feature::Span as usize] >= MIN_SURFACE_SPAN;
+        if report <= 0 || score < table.least_score || !is_wide {
+            return None;
+        }
+        let known = cell.evidence.filter(|_| cell.depth.is_some());
+        // Up to half of its tolerance farther, the cell's report is that of the same surface.
+        let [farthest, _] = tolerance.ends(report as usize).map(i64::from);
+        if known.is_some_and(|known| 2 * known.report >= report + farthest) {
+            return None;
+        }
+        let px = report as f32 / BINS_PER_PX as f32;
+        Some(NearSurface {
+            px,
+            distance_m: rig.depth_m(px.into())?,
+            probability: probability(score),
+        })
     }
 
     /// Decides at a level; returns the cell's state after the pair, from that before.
@@ -224,7 +269,11 @@ impl Deciding<'_> {
         let own = table.score(&evidence);
         decision.percentiles = pixels.percentiles();
         decision.evidence = Some(evidence);
-        (decision.scores, decision.least_score) = ([own; 2], table.least_score);
+        let near_least = table.near_least_score;
+        let near_least =
+            near_least.filter(|_| self.is_nearer(evidence.report, decision.level, self.beyond_m));
+        let least = |least_score| near_least.unwrap_or(least_score);
+        (decision.scores, decision.least_score) = ([own; 2], least(table.least_score));
         // A report of 0 has no past, and leaves none.
         let Some(time) = table.time.as_ref().filter(|_| evidence.report > 0) else {
             return CellPast::default();
@@ -236,7 +285,7 @@ impl Deciding<'_> {
             added = added.max(0);
         }
         if relation != Past::None {
-            (decision.scores[1], decision.least_score) = (own + added, time.least_score);
+            (decision.scores[1], decision.least_score) = (own + added, least(time.least_score));
         }
         before.after(relation, evidence.report, own, self.stamp_ns)
     }

@@ -128,8 +128,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             name: "confidence",
             unit: "",
             range: Range::real(0.0, 0.0..=0.999),
-            description: "least probability of a cell that is reported, 0 = the model's: 0.9, \
-                          up to 400 px of width 0.93 with earlier reports",
+            description: "least probability of a cell that is reported, 0 = the model's: 0.9; \
+                          up to 400 px of width 0.93 with earlier reports, 0.82 below 2 m",
         },
     ],
     cells: Some(safe_choice),
@@ -229,21 +229,23 @@ fn choice_of(model: V5Model, parameters: &Parameters) -> SafeChoice {
         0.0 => table,
         confidence => table.known_from(confidence),
     };
-    let (table, levels, near) = if parameters.choice("target") == "median" {
+    let (table, levels, near, near_small) = if parameters.choice("target") == "median" {
         let levels = LevelTables {
             finest: known(model.levels.finest),
             middle: known(model.levels.middle),
             coarsest: known(model.levels.coarsest),
             small: known(model.levels.small),
         };
-        (model.median, Some(Box::new(levels)), Some(model.near))
+        let levels = Some(Box::new(levels));
+        (model.median, levels, Some(model.near), model.near_small)
     } else {
-        (model.near, None, None)
+        (model.near, None, None, None)
     };
     SafeChoice {
         table: known(table),
         levels,
         near,
+        near_small,
         allowance_px: parameters.real("allowance_px"),
         fitted: model.fitted,
     }

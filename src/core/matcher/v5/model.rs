@@ -17,6 +17,8 @@ pub struct V5Model {
     pub levels: LevelTables,
     /// The decision on its nearest quarter.
     pub near: VerdictTable,
+    /// The second decision on small cells: their nearer surface.
+    pub near_small: Option<VerdictTable>,
     /// The runs that network and tables were fitted to.
     pub fitted: FittedTo,
     /// Facts reported by its author: version, data, figures.
@@ -49,8 +51,8 @@ pub enum V5Fault {
     NoTable(&'static str),
     #[error("'{0}': {1}; {CURE}")]
     Table(&'static str, #[source] TableFault),
-    #[error("'near': has no use for 'time'; {CURE}")]
-    Time,
+    #[error("'{0}': has no use for '{1}'; {CURE}")]
+    NoUse(&'static str, &'static str),
     #[error("has no tensor '{0}'; {CURE}")]
     NoTensor(&'static str),
     #[error("its '{0}' is {1:?} {2:?}; expected I32 {3:?}; {CURE}")]
@@ -147,14 +149,17 @@ impl V5Model {
             Some(other) => return Err(V5Fault::Version(other)),
             None => return Err(V5Fault::NoVersion),
         }
-        let mut table = |name, rank: i64| {
-            let text = facts.remove(name).ok_or(V5Fault::NoTable(name))?;
-            match VerdictTable::parse(&text) {
-                Ok(table) if table.rank == rank => Ok(table),
-                Ok(other) => Err(V5Fault::Table(name, TableFault::Rank(other.rank, rank))),
-                Err(fault) => Err(V5Fault::Table(name, fault)),
+        let mut optional = |name, rank: i64| {
+            let table = facts.remove(name).map(|text| VerdictTable::parse(&text));
+            match table.transpose() {
+                Ok(Some(other)) if other.rank != rank => {
+                    Err(V5Fault::Table(name, TableFault::Rank(other.rank, rank)))
+                }
+                table => table.map_err(|fault| V5Fault::Table(name, fault)),
             }
         };
+        let near_small = optional("near_small", 75)?;
+        let mut table = |name, rank| optional(name, rank)?.ok_or(V5Fault::NoTable(name));
         let (median, near) = (table("median", 50)?, table("near", 75)?);
         let levels = LevelTables {
             finest: table("finest", 50)?,
@@ -162,8 +167,15 @@ impl V5Model {
             coarsest: table("coarsest", 50)?,
             small: table("small", 50)?,
         };
-        if near.time.is_some() {
-            return Err(V5Fault::Time);
+        let second = [("near", Some(&near)), ("near_small", near_small.as_ref())];
+        for (name, table) in second {
+            let unused = table.and_then(|table| {
+                let time = table.time.as_ref().map(|_| "time");
+                time.or(table.near_least_score.map(|_| "near_least_score"))
+            });
+            if let Some(unused) = unused {
+                return Err(V5Fault::NoUse(name, unused));
+            }
         }
         let network = GapWeights::read(&tensors)?;
         let fitted = FittedTo::from_facts(&facts)?;
@@ -174,6 +186,7 @@ impl V5Model {
             median,
             levels,
             near,
+            near_small,
             fitted,
             facts,
         })
@@ -192,6 +205,8 @@ impl V5Model {
             ("small".to_owned(), self.levels.small.to_json()),
             ("near".to_owned(), self.near.to_json()),
         ]);
+        let near_small = self.near_small.iter();
+        facts.extend(near_small.map(|table| ("near_small".to_owned(), table.to_json())));
         let network = self.network.as_ref();
         let mut rest = network.map_or(&[][..], |weights| &weights.0[..]);
         let tensors = GAP_TENSORS.iter().filter(|_| network.is_some());
