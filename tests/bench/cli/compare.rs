@@ -637,7 +637,7 @@ fn scenes_are_compared_by_their_names() {
     let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/middlebury.toml");
     let data = data.canonicalize().unwrap();
     let score = format!(
-        "score {scenario} --data {} --algo v3 -q --rerun none",
+        "score '{scenario}' --data '{}' --algo v3 -q --rerun none",
         data.display()
     );
     fixture.run(&format!("{score} --scenes tsukuba venus -o two"));

@@ -94,7 +94,7 @@ fn real_scenes_score_as_measured() {
     // Tsukuba, whose border without truth could hold half of another surface. Scored by
     // disparities: obstacles are not measured, so the number of missed ones is not 0.
     fixture.transcript(&format!(
-        "score middlebury.toml --data {} --json => /algorithms/v3/pairs = 16 \
+        "score middlebury.toml --data '{}' --json => /algorithms/v3/pairs = 16 \
         | /algorithms/v3/coverage > 0.2 | /algorithms/v3/coverage < 0.3 \
         | /algorithms/v3/cells_right = 184 | /algorithms/v3/cells_wrong = 22 \
         | /algorithms/v3/cells_unknown = 81 \
