@@ -19,10 +19,8 @@ static ENDS_M: LazyLock<Vec<f64>> = LazyLock::new(|| {
         .collect()
 });
 /// Bits of a single-precision number by which sizes of errors are not told apart: 8 sizes per
-/// factor of two, from a quarter of a millimetre to 1 km.
+/// factor of two.
 const SIZE_BITS: u32 = 20;
-const MIN_SIZE_M: f32 = 1.0 / 4096.0;
-const SIZES: usize = 176;
 
 /// The number of the narrow range of a distance, in their order.
 pub fn narrow_range(true_m: f64) -> usize {
@@ -54,8 +52,8 @@ pub struct RangePixels {
     pub errors_m: f64,
     pub squares_m2: f64,
     pub relative: f64,
-    /// Number of errors by their size; empty without any.
-    sizes: Vec<u64>,
+    /// The sizes of errors, ascending, each with the number of its errors.
+    sizes: Vec<(u32, u64)>,
 }
 
 impl PixelErrors {
@@ -96,8 +94,7 @@ impl PixelErrors {
                 sums.errors_m += error_m;
                 sums.squares_m2 += error_m * error_m;
                 sums.relative += error_m.abs() / true_m;
-                sums.sizes.resize(SIZES, 0);
-                sums.sizes[size_number(error_m.abs() as f32)] += 1;
+                sums.count((error_m.abs() as f32).to_bits() >> SIZE_BITS, 1);
             }
         }
     }
@@ -145,13 +142,6 @@ impl From<PixelErrors> for Vec<(usize, RangePixels)> {
     }
 }
 
-/// The number of the size of an error.
-fn size_number(error_m: f32) -> usize {
-    let from = MIN_SIZE_M.to_bits() >> SIZE_BITS;
-    let number = (error_m.max(MIN_SIZE_M).to_bits() >> SIZE_BITS) - from;
-    (number as usize).min(SIZES - 1)
-}
-
 impl RangePixels {
     fn merge(&mut self, other: &Self) {
         self.scored += other.scored;
@@ -161,32 +151,35 @@ impl RangePixels {
         self.errors_m += other.errors_m;
         self.squares_m2 += other.squares_m2;
         self.relative += other.relative;
-        self.sizes
-            .resize(self.sizes.len().max(other.sizes.len()), 0);
-        for (own, other) in self.sizes.iter_mut().zip(&other.sizes) {
-            *own += other;
+        for (size, errors) in &other.sizes {
+            self.count(*size, *errors);
+        }
+    }
+
+    /// Adds errors of a size.
+    fn count(&mut self, size: u32, errors: u64) {
+        match self.sizes.binary_search_by_key(&size, |own| own.0) {
+            Ok(place) => self.sizes[place].1 += errors,
+            Err(place) => self.sizes.insert(place, (size, errors)),
         }
     }
 
     /// Number of pixels with a distance.
     pub fn errors(&self) -> u64 {
-        self.sizes.iter().sum()
+        self.sizes.iter().map(|(_, errors)| errors).sum()
     }
 
     /// The median size of an error, metres, to about a twentieth.
     pub fn median_m(&self) -> Option<f64> {
-        let middle = self.errors().div_ceil(2).max(1);
+        let middle = self.errors().div_ceil(2);
         let mut seen = 0;
-        let size = self.sizes.iter().position(|count| {
-            seen += count;
+        let mut sizes = self.sizes.iter();
+        let (size, _) = sizes.find(|(_, errors)| {
+            seen += errors;
             seen >= middle
         })?;
-        let edge_m = |number: usize| {
-            let bits = (MIN_SIZE_M.to_bits() >> SIZE_BITS) + number as u32;
-            f64::from(f32::from_bits(bits << SIZE_BITS))
-        };
-        let below_m = if size == 0 { 0.0 } else { edge_m(size) };
-        Some((below_m + edge_m(size + 1)) / 2.0)
+        let edge_m = |size: u32| f64::from(f32::from_bits(size << SIZE_BITS));
+        Some((edge_m(*size) + edge_m(size + 1)) / 2.0)
     }
 }
 

@@ -452,7 +452,7 @@ parts! {
     shell_examples_5 = 4, shell_examples_6 = 5, shell_examples_7 = 6, shell_examples_8 = 7,
 }
 
-/// Runs the examples of every so many documents, from the one at `part` on.
+/// Runs the examples of one of `parts` parts of the documents.
 fn shell_examples_run(part: usize, parts: usize) {
     let mut failed = Vec::new();
     for document in documents().iter().skip(part).step_by(parts) {

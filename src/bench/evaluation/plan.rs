@@ -34,7 +34,7 @@ pub struct EvaluationPlan<'a> {
     pub again: Again,
     /// True if units that are not asked for any more are removed.
     pub prune: bool,
-    /// What its report shows.
+    /// The options of its report.
     pub shown: BuildOptions<'a>,
     pub viewer: Option<ChosenViewer>,
 }

@@ -102,6 +102,7 @@ impl UnitSink {
             };
             let name = algorithm.unit_name(number, &pairs);
             let path = self.units.unit_path(&self.run, &name);
+            writer.pixel_errors = pixel_errors.remove(label).unwrap_or_default();
             writer.header = UnitHeader {
                 run: self.run.digest.clone(),
                 name,
@@ -111,7 +112,6 @@ impl UnitSink {
                 pairs: pairs[(number * BLOCK) as usize..].to_vec(),
                 has_pictures: pictured.contains(&label),
                 scale: scales.for_label(label),
-                pixel_errors: pixel_errors.remove(label).unwrap_or_default(),
                 ..UnitHeader::default()
             };
             writer.write(&path, pictures.remove(label).as_ref())?;

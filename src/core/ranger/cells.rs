@@ -22,7 +22,7 @@ pub struct RangedCell {
     pub reason: Reason,
     /// Size of the image at which the cell was decided, as [`Cell::level`].
     pub level: u8,
-    /// What is in front of the distance, or seen in an unknown cell, of small cells of v5.
+    /// The surface in front of the distance, or in an unknown cell; of small cells of v5.
     pub surface: Option<NearSurface>,
 }
 

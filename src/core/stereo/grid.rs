@@ -65,7 +65,7 @@ pub struct Cell {
     /// Probability that something is nearer than the rule's `obstacle_m`, of an unknown cell that
     /// is flagged.
     pub near: Option<f64>,
-    /// What is in front of `depth`, or seen in an unknown cell; of small cells of v5 alone.
+    /// The surface in front of `depth`, or in an unknown cell; of small cells of v5 alone.
     pub surface: Option<NearSurface>,
     /// Size of the image at which the cell was decided: 0 is that of the pair, each further level
     /// half of the one before; 0 for algorithms without levels.

@@ -125,7 +125,7 @@ fn counted_or_none(cases: u64) -> String {
 }
 
 fn metres(value: Option<f64>) -> String {
-    // What rounds to 0 has no sign.
+    // A number that rounds to 0 has no sign.
     let shown = |v: f64| format!("{:.3}", (1000.0 * v).round() / 1000.0 + 0.0);
     value.map_or_else(|| NONE.to_owned(), shown)
 }

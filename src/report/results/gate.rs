@@ -245,7 +245,8 @@ mod tests {
     use svl_core::stereo::{CellRule, CellState};
     use svl_score::judge::{CellArea, MetricValues, Verdict};
 
-    /// Ten pairs with so many near obstacles each, in which v3 misses none in 1 ms, and bm in 4 ms.
+    /// Ten pairs with that number of near obstacles each, in which v3 misses none in 1 ms, and bm
+    /// in 4 ms.
     fn pairs(near: f64) -> Vec<Row> {
         let mut metrics = MetricValues::from([("right", 5.0), ("wrong", 1.0), ("unknown", 2.0)]);
         for (name, value) in [("near", near), ("found", near)] {

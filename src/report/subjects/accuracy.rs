@@ -413,11 +413,13 @@ impl AccuracyTally {
         let counts = areas.into_iter().find(|counts| !counts.is_empty());
         let counts = counts.unwrap_or_default();
         let all: u64 = counts.values().sum();
-        let (mut ends_m, mut seen) = (Vec::new(), 0);
+        let (mut ends_m, mut seen, mut full) = (Vec::new(), 0, 0);
         for (range, count) in counts {
-            // It begins a new range where the one before has its share.
-            if seen * EQUAL_RANGES >= all * (ends_m.len() as u64 + 1) {
+            // A range ends where it has its share; a narrow one may have those of several.
+            let shares = seen * EQUAL_RANGES / all;
+            if shares > full {
                 ends_m.push(narrow_from_m(range));
+                full = shares;
             }
             seen += count;
         }
@@ -633,6 +635,16 @@ mod tests {
             (equal[5].known, equal[5].wrong),
             (scored[5], Some(1.0 / scored[5] as f64))
         );
+        // Most cells at one distance fill a range, and those beyond have one of their own.
+        let mut wall = AccuracyTally::new(CellRule::default(), &RunRanges::default());
+        let far = (0..20).map(|i| cell(3.0 + f64::from(i)));
+        wall.add(
+            Some(0),
+            &(0..80).map(|_| cell(2.0)).chain(far).collect::<Vec<_>>(),
+        );
+        let words = |range: &DistanceRange| range.to_string();
+        let ranges: Vec<_> = wall.equal_ranges().iter().map(words).collect();
+        assert_eq!(ranges, ["0..3", "3.."]);
         // A cell at the end of a range is in the next one, wherever the narrow ranges end.
         let asked = RunRanges {
             ends: "1.7,5".parse().unwrap(),

@@ -185,7 +185,9 @@ pub fn collect_tables(
         }
         let key = &run.run;
         for unit in run.all().filter(|_| key.stress.is_none() && has_cells) {
-            accuracy.add_pixels(&unit.label, &unit.pixel_errors);
+            if let Some(errors) = unit.pixel_errors()? {
+                accuracy.add_pixels(&unit.label, &errors);
+            }
         }
         let rows = tallies.into_rows().into_iter();
         tables.checkpoints.extend(rows.map(|row| CheckpointRow {

@@ -10,6 +10,7 @@ use crate::rows::csv_rows::{RowReader, csv_error, row_writer};
 use crate::rows::records::{CellRow, FailureRow, FrameRow, Record, Row};
 use crate::subjects::drives::{CoursePlan, DriveRow, TrackRow};
 use crate::subjects::references::TruthRow;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -37,9 +38,6 @@ pub struct UnitHeader {
     /// The factor between the truth and the algorithm, if there are enough pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<MeasuredScales>,
-    /// The errors of distances of pixels; none of a perturbed run.
-    #[serde(default, skip_serializing_if = "PixelErrors::is_empty")]
-    pub pixel_errors: PixelErrors,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drive: Option<DriveFacts>,
     /// The tables and the pictures that it has, with their lengths in bytes, once it is written.
@@ -52,11 +50,12 @@ pub struct DriveFacts {
     pub course: CoursePlan,
 }
 
-/// The part of the pictures.
+/// The parts of the pictures, and of the errors of distances of pixels.
 const PICTURES: &str = "pictures";
+const PIXEL_ERRORS: &str = "pixel_errors";
 
 /// The form of the files; a change of [`BlockPictures`] or of a header changes it.
-const FORM: &str = "units with checksums and errors of pixels, pictures with truth";
+const FORM: &str = "units with checksums, pictures with truth, errors of pixels";
 
 /// The text of a table, once it has a row.
 type TableText = Option<csv::Writer<Vec<u8>>>;
@@ -226,6 +225,8 @@ impl<R: UnitRow> TableReader<R> {
 #[derive(Default)]
 pub struct UnitWriter {
     pub header: UnitHeader,
+    /// The errors of distances of pixels; none of a perturbed run.
+    pub pixel_errors: PixelErrors,
     texts: UnitTexts,
 }
 
@@ -248,6 +249,9 @@ impl UnitWriter {
         let mut parts = self.texts.into_parts();
         if let Some(pictures) = pictures {
             parts.push((PICTURES.to_owned(), json(pictures)?));
+        }
+        if !self.pixel_errors.is_empty() {
+            parts.push((PIXEL_ERRORS.to_owned(), json(&self.pixel_errors)?));
         }
         let length = |(name, bytes): &(String, Vec<u8>)| (name.clone(), bytes.len());
         self.header.parts = parts.iter().map(length).collect();
@@ -329,9 +333,21 @@ impl StoredUnit {
     /// # Errors
     /// [`Error::Io`], [`Error::Format`].
     pub fn pictures(&self) -> Result<Option<BlockPictures>> {
-        let pictures = self.parts(|part| part == PICTURES)?.remove(PICTURES);
-        let parsed = pictures.map(|text| serde_json::from_slice(&text));
-        let parsed = parsed.transpose();
+        self.parsed(PICTURES)
+    }
+
+    /// The errors of distances of its pixels, if it has some.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`].
+    pub fn pixel_errors(&self) -> Result<Option<PixelErrors>> {
+        self.parsed(PIXEL_ERRORS)
+    }
+
+    /// A part that is JSON.
+    fn parsed<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>> {
+        let text = self.parts(|part| part == name)?.remove(name);
+        let parsed = text.map(|text| serde_json::from_slice(&text)).transpose();
         parsed.map_err(|e| Error::format(&self.path, e.to_string()))
     }
 

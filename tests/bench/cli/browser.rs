@@ -460,9 +460,9 @@ const ANSWERS: [(&str, [(&str, &str); 4]); 4] = [
         "a/index.html",
         [
             (".answer", "40 pairs"),
+            (".lane-name a", " s: "),
             (".lane-name a", " wrong"),
-            ("#headline tbody td", "."),
-            ("a.bin", " s"),
+            ("a.bin", "bm, 3 s: "),
         ],
     ),
     (
@@ -487,9 +487,9 @@ const ANSWERS: [(&str, [(&str, &str); 4]); 4] = [
         "trend.html",
         [
             ("h1", "the newest last"),
-            ("figure svg title", "b"),
-            ("figure svg", "%"),
-            ("section tbody td", ":"),
+            ("section tbody th", "2 b"),
+            ("figure .title", "right cells"),
+            ("section tbody td", "20"),
         ],
     ),
 ];
