@@ -35,23 +35,55 @@ pub(super) struct BlockShots {
     is_perturbed: bool,
     /// Tallies of leading frames, by checkpoint and algorithm.
     tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
-    samples: Vec<(u64, CheckpointFigure)>,
-    scenes: Vec<(u64, SceneFigure)>,
+    /// Frames spread over a recording or a data set, by their places: of each algorithm a shot.
+    samples: Vec<(u64, Vec<RawFrame>)>,
     /// The worst frames by algorithm.
-    worst: BTreeMap<String, WorstFrames<RawPicture>>,
+    worst: BTreeMap<String, WorstFrames<RawFrame>>,
     /// What the shots of the frame at a place share.
     shared: Option<(u64, Arc<SharedFrame>)>,
 }
 
-/// The picture of one of the worst frames: most are outdone soon.
-enum RawPicture {
-    Frame(CheckpointFigure, Box<RawShot>),
-    Scene(Box<SceneFigure>),
+/// A frame of an algorithm whose pictures are not made yet: most are outdone, or leave the stride.
+struct RawFrame {
+    heading: Heading,
+    shot: RawShot,
+}
+
+/// The heading of a frame of a recording, without shots, or the name of a scene.
+enum Heading {
+    Frame(CheckpointFigure),
+    Scene(String),
+}
+
+impl RawFrame {
+    fn encoded(self) -> Result<WorstPicture> {
+        let shot = self.shot.encoded()?;
+        Ok(match self.heading {
+            Heading::Frame(figure) => WorstPicture::Frame(Box::new(CheckpointFigure {
+                shots: vec![(Rank::Sample, shot)],
+                ..figure
+            })),
+            Heading::Scene(title) => WorstPicture::Scene(Box::new(SceneFigure {
+                title,
+                size: shot.size,
+                left: shot.left,
+                max_px: self.shot.shared.pictures()?.end_px.into(),
+                truth: shot.true_preview,
+                shots: vec![SceneResult {
+                    row: shot.row,
+                    disparities: shot.preview.unwrap_or_default(),
+                    errors: shot.errors,
+                }],
+            })),
+        })
+    }
 }
 
 /// What the shots of a frame share; its pictures are made at their first use.
 struct SharedFrame {
     frame: Frame,
+    /// Largest width of its pictures, pixels.
+    width: usize,
     /// The truth's cells.
     truth: Option<Vec<Mark>>,
     /// The disparity at the end of the colours without a truth, pixels.
@@ -67,7 +99,7 @@ struct SharedPictures {
 }
 
 impl SharedFrame {
-    fn new(judged: &Judged) -> Self {
+    fn new(judged: &Judged, width: usize) -> Self {
         let (frame, nearness) = (&judged.frame, Nearness::for_frame(&judged.frame));
         let marks = |truth: &TrueCells| overlay::marks(truth.grid(), frame.pair.size(), nearness);
         Self {
@@ -77,6 +109,7 @@ impl SharedFrame {
                 None => color_end(judged),
             },
             frame: frame.clone(),
+            width,
             pictures: OnceLock::new(),
         }
     }
@@ -88,9 +121,9 @@ impl SharedFrame {
         let truth = self.frame.truth.as_ref().map(|truth| &truth.disparity);
         let end_px = truth.and_then(|truth| overlay::color_end(&[truth]));
         let end_px = end_px.unwrap_or(self.end_px);
-        let true_preview = truth.map(|truth| preview(truth, end_px, MAX_WIDTH));
+        let true_preview = truth.map(|truth| preview(truth, end_px, self.width));
         let pictures = SharedPictures {
-            left: left_image(&self.frame)?,
+            left: left(&self.frame, self.width)?,
             true_preview: true_preview.transpose()?,
             end_px,
         };
@@ -137,11 +170,11 @@ impl RawShot {
 
     fn encoded(&self) -> Result<FrameShot> {
         let pictures = self.shared.pictures()?;
-        let truth = self.shared.frame.truth.as_ref();
-        let errors = truth.map(|truth| error_picture(&self.disparity, truth, MAX_WIDTH));
+        let (truth, width) = (self.shared.frame.truth.as_ref(), self.shared.width);
+        let errors = truth.map(|truth| error_picture(&self.disparity, truth, width));
         Ok(FrameShot {
             left: pictures.left.clone(),
-            preview: Some(preview(&self.disparity, pictures.end_px, MAX_WIDTH)?),
+            preview: Some(preview(&self.disparity, pictures.end_px, width)?),
             true_preview: pictures.true_preview.clone(),
             errors: errors.transpose()?,
             ..self.shot.clone()
@@ -194,25 +227,17 @@ impl BlockShots {
                 }
             }
         }
+        let samples = std::mem::take(&mut self.samples);
+        let places: BTreeSet<_> = samples.iter().map(|(place, _)| *place).collect();
         for (label, worst) in std::mem::take(&mut self.worst) {
-            let is_sample = |place: u64| {
-                let samples = self.samples.iter().map(|(own, _)| *own);
-                let mut all = samples.chain(self.scenes.iter().map(|(own, _)| *own));
-                all.any(|own| own == place)
-            };
             let own = pictures.entry(label).or_default();
             for frame in worst.finish() {
-                let picture = match frame.picture {
-                    // Samples are of all algorithms that are pictured.
-                    _ if is_sample(frame.place) => WorstPicture::Sample,
-                    RawPicture::Scene(scene) => WorstPicture::Scene(scene),
-                    RawPicture::Frame(figure, raw) => {
-                        let shots = vec![(Rank::Sample, raw.encoded()?)];
-                        WorstPicture::Frame(Box::new(CheckpointFigure { shots, ..figure }))
-                    }
-                };
                 own.worst.push(WorstFrame {
-                    picture,
+                    // Samples are of all algorithms that are pictured.
+                    picture: match places.contains(&frame.place) {
+                        true => WorstPicture::Sample,
+                        false => frame.picture.encoded()?,
+                    },
                     badness: frame.badness,
                     run: frame.run,
                     place: frame.place,
@@ -220,21 +245,15 @@ impl BlockShots {
                 });
             }
         }
-        for (place, mut figure) in std::mem::take(&mut self.samples) {
-            for shot in std::mem::take(&mut figure.shots) {
-                let own = pictures.entry(shot.1.row.algorithm.clone()).or_default();
-                let shots = vec![shot];
-                let figure = figure.clone();
-                own.samples
-                    .push((place, CheckpointFigure { shots, ..figure }));
-            }
-        }
-        for (place, mut scene) in std::mem::take(&mut self.scenes) {
-            for shot in std::mem::take(&mut scene.shots) {
-                let own = pictures.entry(shot.row.algorithm.clone()).or_default();
-                let shots = vec![shot];
-                let scene = scene.clone();
-                own.scenes.push((place, SceneFigure { shots, ..scene }));
+        for (place, frames) in samples {
+            for frame in frames {
+                let own = pictures.entry(frame.shot.shot.row.algorithm.clone());
+                let own = own.or_default();
+                match frame.encoded()? {
+                    WorstPicture::Frame(figure) => own.samples.push((place, *figure)),
+                    WorstPicture::Scene(scene) => own.scenes.push((place, *scene)),
+                    WorstPicture::Sample => {}
+                }
             }
         }
         Ok(pictures)
@@ -247,9 +266,9 @@ impl BlockShots {
         pictured: &[&str],
         identity: &RowIdentity,
         judged: &Judged,
-    ) -> Result<()> {
+    ) {
         if self.is_perturbed {
-            return Ok(());
+            return;
         }
         let estimates = judged.estimates.iter();
         let shown =
@@ -261,10 +280,11 @@ impl BlockShots {
             }
         }
         if self.checkpoints.is_empty() && !shown.is_empty() {
-            self.take_sample(place, identity, judged, &shown)?;
+            self.take_sample(place, identity, judged, &shown);
         }
-        let mut worst = shown.iter();
-        worst.try_for_each(|scored| self.take_worst(place, identity, judged, scored))
+        for scored in shown {
+            self.take_worst(place, identity, judged, scored);
+        }
     }
 
     /// Takes the frame if it is on the stride of those that are spread over a recording or a data
@@ -275,7 +295,7 @@ impl BlockShots {
         identity: &RowIdentity,
         judged: &Judged,
         shown: &[&JudgedEstimate],
-    ) -> Result<()> {
+    ) {
         let is_recording = identity.run.is_some();
         let limit = if is_recording {
             MAX_SAMPLES
@@ -284,20 +304,16 @@ impl BlockShots {
         };
         let stride = stride(place + 1, limit);
         if !place.is_multiple_of(stride) {
-            return Ok(());
+            return;
         }
-        let is_on_stride = |place: &u64| place.is_multiple_of(stride);
-        self.samples.retain(|(place, _)| is_on_stride(place));
-        self.scenes.retain(|(place, _)| is_on_stride(place));
-        if is_recording {
-            let shared = self.shared(place, judged);
-            let sample = self.sample(identity, judged, shown, &shared)?;
-            self.samples.push((place, sample));
-        } else if let Some(name) = &judged.frame.name {
-            let scene = scene(identity, name, judged, shown)?;
-            self.scenes.push((place, scene));
+        self.samples
+            .retain(|(place, _)| place.is_multiple_of(stride));
+        if is_recording || judged.frame.name.is_some() {
+            let frames = shown.iter();
+            let frames = frames.map(|scored| self.raw_frame(place, identity, judged, scored));
+            let frames = frames.collect();
+            self.samples.push((place, frames));
         }
-        Ok(())
     }
 
     fn take_checkpoint(
@@ -313,7 +329,7 @@ impl BlockShots {
         let (best, worst) = tally.map_or((true, true), |tally| tally.would_lead(&frame));
         let mut shot = None;
         if best || worst {
-            let shared = self.shared(place, judged);
+            let shared = self.shared(place, judged, MAX_WIDTH);
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
             let mut raw = RawShot::new(identity, judged, scored, shared);
             raw.shot.passed = Some(frame.passed);
@@ -327,10 +343,28 @@ impl BlockShots {
     }
 
     /// What the shots of the frame at that place share.
-    fn shared(&mut self, place: u64, judged: &Judged) -> Arc<SharedFrame> {
-        let known = self.shared.take().filter(|(own, _)| *own == place);
-        let known = known.unwrap_or_else(|| (place, Arc::new(SharedFrame::new(judged))));
+    fn shared(&mut self, place: u64, judged: &Judged, width: usize) -> Arc<SharedFrame> {
+        let known = self.shared.take();
+        let known = known.filter(|(own, shared)| (*own, shared.width) == (place, width));
+        let known = known.unwrap_or_else(|| (place, Arc::new(SharedFrame::new(judged, width))));
         Arc::clone(&self.shared.insert(known).1)
+    }
+
+    /// The frame at that place through an algorithm.
+    fn raw_frame(
+        &mut self,
+        place: u64,
+        identity: &RowIdentity,
+        judged: &Judged,
+        scored: &JudgedEstimate,
+    ) -> RawFrame {
+        let (heading, width) = match scene_name(identity, judged) {
+            Some(name) => (Heading::Scene(name.clone()), MAX_SCENE_WIDTH),
+            None => (Heading::Frame(self.figure(identity, judged)), MAX_WIDTH),
+        };
+        let shared = self.shared(place, judged, width);
+        let shot = RawShot::new(identity, judged, scored, shared);
+        RawFrame { heading, shot }
     }
 
     /// Takes the frame if it is one of the worst of its algorithm so far.
@@ -340,34 +374,17 @@ impl BlockShots {
         identity: &RowIdentity,
         judged: &Judged,
         scored: &JudgedEstimate,
-    ) -> Result<()> {
+    ) {
         let label = &scored.estimate.algorithm;
         let takes = |badness: &Badness| {
             let own = self.worst.get(label);
             own.is_none_or(|own| own.takes(badness))
         };
         let Some(badness) = badness(scored, self.cells).filter(takes) else {
-            return Ok(());
+            return;
         };
-        let frame = &judged.frame;
-        let scene_name = frame.name.as_ref().filter(|_| identity.run.is_none());
-        let picture = match scene_name {
-            Some(name) => {
-                let last = self.scenes.last().filter(|(own, _)| *own == place);
-                let mut scene = match last {
-                    Some((_, scene)) => scene.clone(),
-                    None => scene(identity, name, judged, &[scored])?,
-                };
-                scene.shots.retain(|own| own.row.algorithm == *label);
-                RawPicture::Scene(Box::new(scene))
-            }
-            None => {
-                let shared = self.shared(place, judged);
-                let raw = RawShot::new(identity, judged, scored, shared);
-                RawPicture::Frame(self.figure(identity, judged), Box::new(raw))
-            }
-        };
-        let stamp_ns = scene_name.is_none().then_some(frame.stamp_ns);
+        let is_scene = scene_name(identity, judged).is_some();
+        let picture = self.raw_frame(place, identity, judged, scored);
         self.worst
             .entry(label.clone())
             .or_default()
@@ -376,10 +393,9 @@ impl BlockShots {
                 // The report knows the place of the run.
                 run: 0,
                 place,
-                stamp_ns,
+                stamp_ns: (!is_scene).then_some(judged.frame.stamp_ns),
                 picture,
             });
-        Ok(())
     }
 
     /// The heading of a frame, without its shots.
@@ -400,24 +416,12 @@ impl BlockShots {
             ..CheckpointFigure::default()
         }
     }
+}
 
-    /// A frame of a recording.
-    fn sample(
-        &self,
-        identity: &RowIdentity,
-        judged: &Judged,
-        shown: &[&JudgedEstimate],
-        shared: &Arc<SharedFrame>,
-    ) -> Result<CheckpointFigure> {
-        let shots = shown.iter().map(|scored| {
-            let raw = RawShot::new(identity, judged, scored, Arc::clone(shared));
-            Ok((Rank::Sample, raw.encoded()?))
-        });
-        Ok(CheckpointFigure {
-            shots: shots.collect::<Result<_>>()?,
-            ..self.figure(identity, judged)
-        })
-    }
+/// The name of a frame that is a scene of a data set.
+fn scene_name<'a>(identity: &RowIdentity, judged: &'a Judged) -> Option<&'a String> {
+    let name = judged.frame.name.as_ref();
+    name.filter(|_| identity.run.is_none())
 }
 
 /// Missed and wrong cells and the largest error of an algorithm; absent without truth.
@@ -445,37 +449,6 @@ fn color_end(judged: &Judged) -> f32 {
     end_px.unwrap_or_else(|| Nearness::for_frame(&judged.frame).near_px as f32)
 }
 
-/// A scene with the results of the pictured algorithms.
-fn scene(
-    identity: &RowIdentity,
-    name: &str,
-    judged: &Judged,
-    shown: &[&JudgedEstimate],
-) -> Result<SceneFigure> {
-    let frame = &judged.frame;
-    let max_px = color_end(judged);
-    let disparities = |plane: &Plane<f32>| preview(plane, max_px, MAX_SCENE_WIDTH);
-    let truth = frame.truth.as_ref();
-    let shot = |scored: &&JudgedEstimate| {
-        let map = scored.estimate.disparity.disparity();
-        let errors = truth.map(|truth| error_picture(map, truth, MAX_SCENE_WIDTH));
-        Ok(SceneResult {
-            row: identity.row(judged, scored),
-            disparities: disparities(map)?,
-            errors: errors.transpose()?,
-        })
-    };
-    let truth = truth.map(|truth| disparities(&truth.disparity));
-    Ok(SceneFigure {
-        title: name.to_owned(),
-        size: frame.pair.size(),
-        left: left(frame, MAX_SCENE_WIDTH)?,
-        max_px: max_px.into(),
-        truth: truth.transpose()?,
-        shots: shown.iter().map(shot).collect::<Result<_>>()?,
-    })
-}
-
 /// A frame through one algorithm, for a page.
 ///
 /// # Errors
@@ -485,7 +458,7 @@ pub(crate) fn frame_shot(
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
-    let shared = Arc::new(SharedFrame::new(judged));
+    let shared = Arc::new(SharedFrame::new(judged, MAX_WIDTH));
     RawShot::new(identity, judged, scored, shared).encoded()
 }
 

@@ -193,7 +193,8 @@ impl UnitSink {
             self.scales.observe(judged);
         }
         let pictured = self.plan.pictured();
-        self.shots.take(place, &pictured, &self.identity, judged)
+        self.shots.take(place, &pictured, &self.identity, judged);
+        Ok(())
     }
 }
 

@@ -113,7 +113,8 @@ pub struct AlgorithmChange {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<FrameCounts>,
     pub metrics: Vec<Change>,
-    /// The errors of both by ranges of the true distance, if both have cells.
+    /// The errors of both by ranges of the true distance, if both have cells; those of pixels
+    /// where both have the same pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub by_distance: Option<[Vec<AccuracyRow>; 2]>,
     /// Metrics that one of the reports does not measure, or neither.
@@ -308,10 +309,14 @@ impl AlgorithmChange {
             let (theirs, after) = other.pair_errors(own.labels[1], &b, &ranges)?;
             errors = Some([ours, theirs]);
             let ranges = ranges.in_order(&before);
-            let both = [(before, own.labels[0]), (after, own.labels[1])];
-            by_distance = Some(both.map(|(tally, label)| {
+            // Those of pixels are not known by pair.
+            let has_same_pairs = own.unmatched == 0;
+            let both = [(base, before, own.labels[0]), (other, after, own.labels[1])];
+            by_distance = Some(both.map(|(run, tally, label)| {
                 let rows = tally.into_rows(&[label], &ranges).into_iter();
-                rows.filter(|row| row.area == base.area).collect()
+                let cells = rows.filter(|row| row.area == base.area);
+                let pixels = run.pixel_errors(label, &ranges).into_iter();
+                cells.chain(pixels.filter(|_| has_same_pairs)).collect()
             }));
         }
         let Changes {

@@ -96,7 +96,7 @@ fn algorithm_view(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Value {
         numbers => CHANGES.map(change_word).into_iter().zip(numbers).collect::<Vec<_>>(),
         headline => own.drawn_table(&ColumnChoice::Headline),
         all => own.drawn_table(&ColumnChoice::All),
-        by_distance => own.distance_table(),
+        by_distance => own.distance_tables(),
         item_words => own.item_words(), has_frames => !frames.is_empty(),
         courses => own.courses.as_ref().map(CourseChanges::table),
     }

@@ -3,7 +3,7 @@
 use crate::rows::csv_rows::{RowReader, read_rows};
 use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use crate::rows::samples::{RunKey, run_key, time_ns};
-use crate::subjects::accuracy::{AccuracyTally, PairErrors, RunRanges};
+use crate::subjects::accuracy::{AccuracyRow, AccuracyTally, AskedRange, PairErrors, RunRanges};
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
 use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::sources::Sources;
@@ -26,6 +26,8 @@ pub struct ScoredRun {
     pub(super) rows: Vec<Row>,
     /// The rows of the references.
     references: Vec<Row>,
+    /// Errors by distance; those of pixels are of all pairs.
+    accuracy: Vec<AccuracyRow>,
     pub(super) failures: Vec<FailureRow>,
     checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
@@ -95,6 +97,7 @@ impl ScoredRun {
             ending: ending.transpose()?,
             rows: read_rows(&folder.join("rows.csv"))?,
             references: optional(folder, "references.csv")?,
+            accuracy: optional(folder, "accuracy.csv")?,
             failures: optional(folder, "failures.csv")?,
             checkpoints: optional(folder, "checkpoints.csv")?,
             drives: optional(folder, "drives.csv")?,
@@ -231,6 +234,14 @@ impl ScoredRun {
             errors[i] = tally.take_pair(time_ns(pairs[i]), cells);
         })?;
         Ok((errors, all))
+    }
+
+    /// The errors of an algorithm's pixels in these ranges, of all its pairs.
+    pub(super) fn pixel_errors(&self, label: &str, ranges: &[AskedRange]) -> Vec<AccuracyRow> {
+        let own = self.accuracy.iter();
+        let own = own.filter(|row| row.is_of_pixels && row.algorithm == label);
+        let own = own.filter(|row| ranges.iter().any(|(range, _)| *range == row.range()));
+        own.cloned().collect()
     }
 
     /// True if the course of that seed has the same obstacles in both reports.

@@ -3,7 +3,7 @@
 use super::comparison::{AlgorithmChange, Comparison, Conclusion};
 use super::courses::CourseChanges;
 use super::join::{Join, MAP};
-use crate::pages::summary_tables::accuracy_table;
+use crate::pages::summary_tables::accuracy_tables;
 use crate::results::change::{Change, Judgement, is_ranked};
 use crate::results::summary::caution;
 use crate::show::table::markdown::{escape, escape_prose};
@@ -440,14 +440,17 @@ impl AlgorithmChange {
     }
 
     /// The errors by distance, those of both beside each other.
-    pub(super) fn distance_table(&self) -> Option<Table> {
-        let [before, after] = self.by_distance.as_ref()?;
+    pub(super) fn distance_tables(&self) -> Vec<Table> {
+        let Some([before, after]) = &self.by_distance else {
+            return Vec::new();
+        };
         let names = match self.other_algorithm == self.algorithm {
             true => ["before", "after"],
             false => [&*self.algorithm, &self.other_algorithm],
         };
+        let key = |row: &AccuracyRow| (row.is_of_pixels, row.range());
         let rows = before.iter().flat_map(|row| {
-            let other = after.iter().find(|other| other.range() == row.range());
+            let other = after.iter().find(|other| key(other) == key(row));
             let both = [Some(row), other].into_iter().zip(names);
             both.filter_map(|(row, name)| {
                 let algorithm = name.to_owned();
@@ -457,7 +460,7 @@ impl AlgorithmChange {
                 })
             })
         });
-        accuracy_table("Error against distance", &rows.collect::<Vec<_>>())
+        accuracy_tables(rows)
     }
 
     /// The label of the algorithm, or those of two.

@@ -142,8 +142,23 @@ fn rate(value: Option<f64>, range: Option<Interval>) -> String {
     value.map_or_else(|| NONE.to_owned(), words)
 }
 
+/// Errors of distances by range: those of cells, then those of pixels.
+pub(crate) fn accuracy_tables(rows: impl Iterator<Item = AccuracyRow>) -> Vec<Table> {
+    let (pixels, cells): (Vec<_>, Vec<_>) = rows.partition(|row| row.is_of_pixels);
+    let title = "Error against distance";
+    let pixels = accuracy_table(&format!("{title}: pixels"), &pixels);
+    let pixels = pixels.map(|table| {
+        table.with_notes(&[
+            "pixels: about 4800 of each pair, of which those that both cameras see are scored; \
+             wrong by the tolerance of a cell; the median to a twentieth",
+        ])
+    });
+    let cells = accuracy_table(title, &cells);
+    cells.into_iter().chain(pixels).collect()
+}
+
 /// Errors by range; none without any.
-pub(crate) fn accuracy_table(title: &str, rows: &[AccuracyRow]) -> Option<Table> {
+fn accuracy_table(title: &str, rows: &[AccuracyRow]) -> Option<Table> {
     let mut table = Table::from_items(title, &ACCURACY, rows);
     table.columns[1].is_text = true;
     table.remove_empty_columns();
@@ -170,28 +185,16 @@ impl Results {
 
     /// Errors of distances by range: those of cells, then those of pixels.
     pub fn accuracy_tables(&self) -> Vec<Table> {
-        let rows = |is_of_pixels: bool| {
-            let is_shown = |row: &&AccuracyRow| {
-                let is_asked = is_of_pixels || row.area == self.basis.area;
-                row.is_of_pixels == is_of_pixels && is_asked
-            };
-            let ranked = self.ranked_algorithms().into_iter();
-            let rows = ranked.flat_map(|a| {
-                let own = self.accuracy.iter();
-                own.filter(|row| row.algorithm == a.algorithm)
-            });
-            rows.filter(is_shown).cloned().collect::<Vec<_>>()
-        };
-        let title = "Error against distance";
-        let pixels = accuracy_table(&format!("{title}: pixels"), &rows(true));
-        let pixels = pixels.map(|table| {
-            table.with_notes(&[
-                "pixels: about 4800 of each pair, of which those that both cameras see are \
-                 scored; wrong by the tolerance of a cell; the median to a twentieth",
-            ])
+        let ranked = self.ranked_algorithms().into_iter();
+        let rows = ranked.flat_map(|a| {
+            let own = self.accuracy.iter();
+            own.filter(|row| row.algorithm == a.algorithm)
         });
-        let cells = accuracy_table(title, &rows(false));
-        cells.into_iter().chain(pixels).collect()
+        let area = self.basis.area;
+        accuracy_tables(
+            rows.filter(|row| row.is_of_pixels || row.area == area)
+                .cloned(),
+        )
     }
 
     /// Right cells by the probability that an algorithm gives them.

@@ -9,7 +9,7 @@ use crate::common::python;
 use std::collections::{BTreeMap, BTreeSet};
 use svl::matcher::Algorithm;
 use svl::report::{AccuracyRow, CellRow, Record, Row, read_rows};
-use svl::score::Verdict;
+use svl::score::{AreaChoice, Verdict};
 use svl::stereo::{Frame, Plane, RectifiedPair, Rig};
 
 const FRAMES: u64 = 12;
@@ -509,6 +509,17 @@ fn errors_by_distance_noise_and_flicker_are_those_of_numpy() {
     // Two algorithms, each of obstacles, all cells and pixels: nothing tells floor.
     assert_eq!(known.count(), 6);
     let of_pixels = rows.iter().filter(|row| row.is_of_pixels).count();
+    // The pairs of both are the same, so that a comparison has the same errors of each.
+    let compared = fixture.json("compare rep#sgm rep#bm --json");
+    for (side, label) in ["sgm", "bm"].into_iter().enumerate() {
+        let own = rows.iter().filter(|row| row.algorithm == label);
+        let own = own.filter(|row| row.is_of_pixels || row.area == AreaChoice::default());
+        let own = serde_json::to_string(&own.collect::<Vec<_>>()).unwrap();
+        assert!(own.contains(r#""is_of_pixels":true"#));
+        let compared = &compared[0]["algorithms"][0]["by_distance"][side];
+        let own: serde_json::Value = serde_json::from_str(&own).unwrap();
+        assert_eq!(*compared, own, "{label}");
+    }
     let Some(output) = python("accuracy.py", "numpy", [fixture.path("rep")]) else {
         return;
     };
