@@ -36,7 +36,8 @@ given = network("--normalise", "imagenet", "--multiple", "1", channels=3).inputs
 assert np.allclose(given[0, 2, 4, 5], (color[0, 4, 5, 2] / 255 - 0.406) / 0.225, atol=1e-6)
 given = network("--normalise", "signed", "--multiple", "1", channels=3).inputs(grey)
 assert given.shape == (2, 3, 30, 50) and np.allclose(given[1, 2], grey[1] / 127.5 - 1, atol=1e-6)
-assert network("--channels", "grey", channels=3).inputs(color).shape[1] == 1
+mean = network("--channels", "grey", "--multiple", "1", channels=3).inputs(color)
+assert (mean[:, 0] == color.astype(np.float32).mean(-1)).all()
 
 # Resizing scales disparities back; so does a coarser level, of which the largest is taken.
 net = network("--size", "100x60", "--multiple", "1")

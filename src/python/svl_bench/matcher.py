@@ -275,20 +275,41 @@ class Network:
 
     def inputs(self, images: np.ndarray) -> np.ndarray:
         """Images N x H x W [x 3] as float32, N x C x H' x W'."""
-        factor, mean, deviation = NORMALISATIONS[self.options.normalise]
         planes = images[..., None] if images.ndim == 3 else images
-        planes = planes.astype(np.float32)
-        if planes.shape[-1] != self.channels:
-            planes = np.repeat(planes.mean(-1, keepdims=True), self.channels, -1)
+        count = planes.shape[-1]
+        if count != self.channels:
+            # The mean of the channels is looked up by their sum.
+            if count > 1:
+                sums = sum(planes[..., channel].astype(np.uint16) for channel in range(count))
+                planes = sums[..., None]
+            planes = np.broadcast_to(planes, (*planes.shape[:3], self.channels))
+        else:
+            count = 1
+        size = self.options.size or planes.shape[1:3]
+        below, right = (-n % self.options.multiple for n in size)
+        self.inner = tuple(size)
+        padded = np.empty((len(planes), self.channels, size[0] + below, size[1] + right), np.float32)
+        for channel, table in enumerate(self._tables(count)):
+            inner = padded[:, channel, : size[0], : size[1]]
+            # With another mode, numpy copies the output.
+            if self.options.size:
+                found = np.take(table, planes[..., channel], mode="clip")
+                inner[:] = resized(found[:, None], size)[:, 0]
+            else:
+                np.take(table, planes[..., channel], out=inner, mode="clip")
+        padded[:, :, size[0] :] = padded[:, :, size[0] - 1 : size[0]]
+        padded[..., size[1] :] = padded[..., size[1] - 1 : size[1]]
+        return padded
+
+    def _tables(self, count):
+        """Per channel the normalised value of each sum of `count` pixels, which stands for their mean."""
+        factor, mean, deviation = NORMALISATIONS[self.options.normalise]
         if self.channels == 1:
             mean, deviation = np.mean(mean), np.mean(deviation)
-        planes = (planes * np.float32(factor) - np.float32(mean)) / np.float32(deviation)
-        planes = np.moveaxis(planes, -1, 1)
-        if self.options.size:
-            planes = resized(planes, self.options.size)
-        below, right = (-n % self.options.multiple for n in planes.shape[2:])
-        self.inner = planes.shape[2:]
-        return np.pad(planes, ((0, 0), (0, 0), (0, below), (0, right)), mode="edge")
+        means = np.broadcast_to(np.float32(mean), self.channels)
+        deviations = np.broadcast_to(np.float32(deviation), self.channels)
+        pixels = np.arange(255 * count + 1, dtype=np.float32) / np.float32(count)
+        return [(pixels * np.float32(factor) - m) / d for m, d in zip(means, deviations)]
 
     def disparities(self, outputs: Any, padded: tuple[int, ...], size: tuple[int, ...]) -> np.ndarray:
         """Disparities N x H x W of the images' `size`, from the outputs (an array, or lists and
