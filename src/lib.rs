@@ -31,8 +31,7 @@ pub use svl_live::dds;
 pub use svl_recording as recording;
 pub use svl_report as report;
 pub use svl_score::{
-    agreement, bootstrap, judge as score, losses, manifest, memory, notice, plausibility, resize,
-    scenario,
+    bootstrap, judge as score, losses, manifest, memory, notice, plausibility, resize, scenario,
 };
 pub use svl_sim::{arena, stress};
 pub use svl_thesis as reproduce;

@@ -85,7 +85,7 @@ const PACKAGES: [Package; 15] = [
         layers: &[
             &["holm", "notice"],
             &["bootstrap"],
-            &["agreement", "judge", "losses", "memory"],
+            &["judge", "losses", "memory"],
             &["plausibility", "scenario"],
             &["drive", "manifest", "pixel_errors", "resize"],
         ],

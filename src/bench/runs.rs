@@ -15,7 +15,6 @@ use svl_core::{Error, Result, interrupt};
 use svl_grab::Host;
 use svl_score::judge::Judge;
 use svl_score::manifest::InputRecord;
-use svl_score::notice::Notice;
 use svl_score::scenario::{Scenario, ScenarioSource, SourceOptions};
 
 /// Gives each scenario those source options of the command line that it accepts. `named`: the
@@ -100,6 +99,17 @@ impl ScoredSource {
         }
     }
 
+    /// True if its pairs have a truth, and if they are raw.
+    pub(crate) fn pair_kinds(&self, scenario: &Scenario) -> [bool; 2] {
+        match self {
+            Self::Opened(opened) => {
+                let named = scenario.options.truth.is_some();
+                [named || opened.0.has_truth, opened.0.is_raw]
+            }
+            Self::Arena(_) => [true, false],
+        }
+    }
+
     /// Opens the run, recorded first if the cache does not have it.
     pub fn open(
         self,
@@ -123,7 +133,7 @@ fn layers(scenario: &Scenario) -> Result<Chain> {
     let maps = Request::default().with_maps(&scenario.algorithms).maps;
     Ok(Chain {
         measure: SourceMaps::default().with_files(&maps)?,
-        ..Chain::for_options(&scenario.options, false)?
+        ..Chain::for_options(&scenario.options, false)
     })
 }
 
@@ -304,24 +314,6 @@ pub fn refuse_recorded(algorithms: &[Algorithm]) -> Result<()> {
             algorithm.label()
         ))),
     }
-}
-
-/// Warns of algorithms that are scored against themselves.
-pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) -> Result<()> {
-    let references = options.references()?;
-    let is_reference = |algorithm: &&Algorithm| {
-        let spec = algorithm.spec();
-        let same = |reference: &Algorithm| {
-            let is_same_program = || reference.parameters() == algorithm.parameters();
-            reference.spec().name == spec.name && (!spec.is_program() || is_same_program())
-        };
-        references.iter().any(same)
-    };
-    for algorithm in algorithms.iter().filter(is_reference) {
-        let text = "is scored against itself, so it shares the reference's errors";
-        Notice::new([algorithm.label()], text).warn();
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -46,4 +46,5 @@ pub use crate::subjects::reliability::{
 };
 pub use crate::subjects::sources::Sources;
 pub use crate::subjects::stress::StressSummary;
+pub use crate::subjects::witness::{EstimateRow, FloorRays};
 pub use crate::units::shots;

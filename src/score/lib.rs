@@ -1,6 +1,5 @@
 //! Runs (scenario, manifest), and their scores (metrics, cells, checkpoints, losses, intervals).
 
-pub mod agreement;
 pub mod bootstrap;
 pub mod drive;
 pub mod holm;

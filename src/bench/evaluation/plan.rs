@@ -5,10 +5,13 @@ use crate::pass::Pace;
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
 use svl_core::Result;
+use svl_core::depth::CellDecision;
 use svl_report::BuildOptions;
+use svl_report::units::{PlannedWitness, ReportRun};
+use svl_score::judge::{ColumnChoice, Metric};
 use svl_score::losses::Missing;
 use svl_score::manifest::Manifest;
-use svl_score::scenario::{Scenario, StressLevels};
+use svl_score::scenario::{Scenario, ScenarioSource, StressLevels, is_of_witness, witness};
 use svl_sim::stress::Stress;
 
 /// A viewer, where it shows the run, and how much of it.
@@ -61,6 +64,30 @@ impl EvaluationPlan<'_> {
         manifest.times = Some(pace.times());
         manifest.shard = self.shard.map(String::from);
         Ok(manifest)
+    }
+
+    /// The witness of the report, where one of these runs needs it.
+    pub(super) fn witness(&self, runs: &[ReportRun]) -> Result<Option<PlannedWitness>> {
+        let scenario = self.scenario;
+        let is_estimated = |metric: &Metric| metric.estimated().is_some();
+        let columns = self.shown.columns.unwrap_or(&scenario.columns);
+        let is_asked = matches!(columns, ColumnChoice::Named(all) if all.iter().any(|own| is_estimated(own)))
+            || self.shown.sort.is_some_and(is_estimated)
+            || scenario
+                .gate
+                .iter()
+                .any(|limit| self.shown.gate && is_estimated(limit.metric));
+        let is_driven = matches!(scenario.source, ScenarioSource::Drive { .. });
+        let needs = |run: &ReportRun| !run.is_raw && (is_asked || !run.has_truth);
+        let is_safe = scenario.grid.decision == CellDecision::Safe;
+        let mut algorithms = scenario.algorithms.iter();
+        let is_any = algorithms.any(|own| !is_of_witness(own.spec().name));
+        if is_driven || is_safe || !is_any || !runs.iter().any(needs) {
+            return Ok(None);
+        }
+        let mut records = Manifest::new(&scenario.name, &[witness()])?.algorithms;
+        let record = records.swap_remove(0);
+        Ok(Some(PlannedWitness { record, is_asked }))
     }
 
     /// No perturbation, then all levels of the scenario's.

@@ -34,8 +34,8 @@ pub(super) struct RunOpener<'a> {
     scenario: &'a Scenario,
     console: &'a dyn Console,
     pub(super) live: RunningTable,
-    /// The recording of each run, or its seed.
-    identities: Vec<(Option<InputRecord>, Option<u64>)>,
+    /// The recording of each run, or its seed; and whether it has a truth, and raw pairs.
+    identities: Vec<(Option<InputRecord>, Option<u64>, [bool; 2])>,
     /// The runs that were not opened yet: perturbed, a run is opened anew.
     runs: Vec<Option<(ScoredSource, InputLog)>>,
     /// The pairs of the runs so far, of each perturbation anew.
@@ -57,7 +57,9 @@ impl<'a> RunOpener<'a> {
         let count = runs::checked_count(scenario)?;
         let runs = (0..count).map(|place| logged(scenario, place, console));
         let runs = runs.collect::<Result<Vec<_>>>()?;
-        let identities = runs.iter().map(|(run, _)| (run.record(), run.seed()));
+        let identity =
+            |(run, _): &(ScoredSource, _)| (run.record(), run.seed(), run.pair_kinds(scenario));
+        let identities = runs.iter().map(identity);
         Ok(Self {
             scenario,
             console,
@@ -76,7 +78,7 @@ impl<'a> RunOpener<'a> {
 
     /// The recordings among the runs.
     pub(super) fn records(&self) -> Vec<InputRecord> {
-        let records = self.identities.iter().map(|(record, _)| record);
+        let records = self.identities.iter().map(|(record, ..)| record);
         records.flatten().cloned().collect()
     }
 
@@ -101,11 +103,13 @@ impl<'a> RunOpener<'a> {
 
     /// The key of a run in the rows.
     pub(super) fn key(&self, (stress, place): RunPlace) -> ReportRun {
-        let (record, seed) = &self.identities[place];
+        let (record, seed, [has_truth, is_raw]) = &self.identities[place];
         ReportRun {
             run: record.as_ref().map(|record| record.name.clone()),
             seed: *seed,
             stress: stress.map(|stress| stress.to_string()),
+            has_truth: *has_truth,
+            is_raw: *is_raw,
             ..ReportRun::default()
         }
     }

@@ -50,7 +50,9 @@ impl EvaluationSession {
         let notices = NoticeLog::current().notices();
         manifest.warnings = notices.iter().map(ToString::to_string).collect();
         manifest.doubts = notices.into_iter().filter_map(|own| own.doubt).collect();
+        let witness = plan.witness(&runs)?;
         let mut list = ReportPlan::new(unit_format(), manifest, runs)?;
+        list.witness = witness;
         list.limit_lines = plan.scenario.gate.iter().map(|limit| limit.line).collect();
         list.lost.clone_from(&plan.lost);
         let (known, sessions) = (units.known_plan(), units.sessions()?);
@@ -74,6 +76,7 @@ impl EvaluationSession {
                 let earlier =
                     earlier.filter(|own| !labels.contains(&own.label) && !own.is_program());
                 list.manifest.algorithms.extend(earlier.cloned());
+                list.witness = list.witness.or_else(|| known.witness.clone());
             }
         }
         let mut session = Self {

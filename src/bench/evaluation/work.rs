@@ -5,7 +5,7 @@ use super::run_opener::{OpenedRun, OpeningResult, RunOpener, RunPlace, WantedRes
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
 use crate::pass::{Matchers, Pace, run_through};
-use crate::runs::{RECORDINGS, warn_of_own_reference};
+use crate::runs::RECORDINGS;
 use crate::sink::{
     PassStart, RerunDetail, RunningTable, SeenPairs, Sink, SinkRequest, Sinks, UnitRequest,
     ViewedScene, ViewerRequest,
@@ -20,7 +20,7 @@ use svl_report::units::{RunFacts, RunUnits};
 use svl_score::judge::Judge;
 use svl_score::manifest::{Manifest, hash};
 use svl_score::notice::Notice;
-use svl_score::scenario::{PairRange, Scenario, ScenarioSource};
+use svl_score::scenario::{PairRange, Scenario, ScenarioSource, WITNESS, witness};
 
 /// Most algorithms that Rerun shows.
 const MAX_SHOWN: usize = 32;
@@ -40,11 +40,11 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
             Some(file) => Error::format(file, error.to_string()),
             None => error,
         })?;
+    let mut matchers = matchers;
+    matchers.append(Matchers::new(&[witness()])?.without_warnings());
     let live = RunningTable::default();
     let opener = RunOpener::new(scenario, console, &live)?;
-    warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
     warn_of_unstressed(scenario);
-    let references = scenario.options.references()?;
     let pace = Pace::Measured {
         rounds: plan.rounds,
     };
@@ -70,7 +70,6 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         pace,
         opened: opener.opened_files(),
         source: source_digest(&plan.description),
-        has_program_truth: references.iter().any(|own| own.spec().is_program()),
         pairs: SeenPairs::default(),
     };
     work.compare_changed()?;
@@ -114,8 +113,6 @@ pub(super) struct EvaluationWork<'a> {
     opened: Vec<Vec<PathBuf>>,
     /// Digest of the description of the source.
     source: String,
-    /// True if a program computes the truth.
-    has_program_truth: bool,
     /// The pairs of the run under way.
     pairs: SeenPairs,
 }
@@ -138,8 +135,7 @@ impl EvaluationWork<'_> {
         hash(&before.collect::<Vec<_>>().join("\n"))
     }
 
-    /// True if the files of a run are those that were read, so that its pairs are known. Those of a
-    /// truth that a program computes are not.
+    /// True if the files of a run are those that were read, so that its pairs are known.
     fn is_known(&self, i: usize) -> bool {
         let facts = &self.session.runs[i].facts;
         // svl's own recording of a simulation is that of its description.
@@ -151,7 +147,6 @@ impl EvaluationWork<'_> {
         facts.losses.is_some()
             && facts.source == self.source
             && facts.after == self.after(i)
-            && !self.has_program_truth
             && opened.all(|path| named.contains(&**path))
             && files.all(|file| match file.change() {
                 FileChange::Unchanged => true,
@@ -211,7 +206,7 @@ impl EvaluationWork<'_> {
         let asked = self.session.asked();
         let algorithms = self.session.list.algorithms_of(&self.session.list.runs[i]);
         let labels = algorithms.iter().map(|own| own.label);
-        let labels = labels.filter(|label| asked.contains(label));
+        let labels = labels.filter(|label| asked.contains(label) || *label == WITNESS);
         WantedResults {
             units,
             run: i,

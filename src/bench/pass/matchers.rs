@@ -9,6 +9,7 @@ use svl_core::{Error, Result};
 use svl_score::manifest::Manifest;
 use svl_score::memory::{self, MemoryUse};
 use svl_score::notice::Notice;
+use svl_score::scenario::WITNESS;
 
 /// The algorithms of a pass, ready to match.
 #[derive(Default)]
@@ -155,7 +156,8 @@ impl Matchers {
 
     /// The lowest disparity that all search.
     pub(super) fn lowest_px(&self) -> i32 {
-        let lowest = self.0.iter().map(|entry| entry.lowest_px);
+        let shown = self.0.iter().filter(|entry| entry.label != WITNESS);
+        let lowest = shown.map(|entry| entry.lowest_px);
         lowest.max().unwrap_or(0)
     }
 

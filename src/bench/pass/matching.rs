@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use svl_core::matcher::{MatchContext, MatchOutput};
 use svl_core::stereo::{Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
-use svl_score::judge::{Judge, Judged, MatchFailure};
+use svl_score::judge::{Judge, Judged, JudgedEstimate, MatchFailure};
 use svl_score::notice::Notice;
+use svl_score::scenario::WITNESS;
 
 /// The outputs of all algorithms for a frame.
 #[derive(Default)]
@@ -39,6 +40,8 @@ pub(super) fn judged(judge: &Judge, frame: Frame, matches: MatchedFrame) -> Judg
     };
     let estimates = matches.matched.into_iter().map(estimate).collect();
     let mut judged = judge.judge(frame, estimates);
+    let is_witness = |own: &mut JudgedEstimate| own.estimate.algorithm == WITNESS;
+    judged.witness = judged.estimates.extract_if(.., is_witness).next();
     judged.failures = matches.failures;
     judged
 }

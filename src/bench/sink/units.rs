@@ -7,12 +7,12 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
-use svl_core::stereo::{CellRule, Frame, Rgb, Rig, hash_words};
+use svl_core::stereo::{CellRule, Frame, GridShape, Rgb, Rig, hash_words};
 use svl_report::units::{
     BLOCK, PairFacts, PlannedAlgorithm, ReportPlan, ReportRun, UnitHeader, UnitRows, UnitWriter,
     Units,
 };
-use svl_report::{FrameRow, TruthRow};
+use svl_report::{FloorRays, FrameRow, TruthRow};
 use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::pixel_errors::PixelErrors;
@@ -46,6 +46,7 @@ pub struct UnitSink {
     checkpoints: Vec<Checkpoint>,
     /// Rule by which cells are scored.
     cells: CellRule,
+    shape: GridShape,
     start_ns: u64,
     shots: BlockShots,
     /// The units of the block under way, by their algorithms.
@@ -70,6 +71,7 @@ impl UnitSink {
             identity: RowIdentity::default(),
             checkpoints: Vec::new(),
             cells: CellRule::default(),
+            shape: GridShape::default(),
             start_ns: 0,
             shots: BlockShots::default(),
             block: BTreeMap::new(),
@@ -143,6 +145,10 @@ impl UnitSink {
             sequence: frame.sequence,
             hash: hash(&format!("{input} {key:?}")),
             infinity_px: frame.rig().map(Rig::infinity_px),
+            floor: frame
+                .floor
+                .zip(frame.rig())
+                .map(|(plane, rig)| FloorRays::new(&plane, rig, frame.pair.size(), self.shape)),
             maps: maps.collect(),
         }
     }
@@ -160,7 +166,7 @@ impl UnitSink {
             None => truths(judged),
             Some(_) => Vec::new(),
         };
-        for scored in &judged.estimates {
+        for scored in judged.estimates.iter().chain(&judged.witness) {
             let label = &scored.estimate.algorithm;
             if self.run.stress.is_none() {
                 let own = self.pixel_errors.entry(label.clone()).or_default();
@@ -209,6 +215,7 @@ impl Sink for UnitSink {
         self.run = own.cloned().unwrap_or_default();
         self.checkpoints.clone_from(&start.judge.checkpoints);
         self.cells = start.judge.cells;
+        self.shape = start.judge.grid.shape();
         self.start_ns = start.judge.run.start_ns;
         self.shots = BlockShots::new(start);
         self.block.clear();

@@ -127,6 +127,12 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
                 let cure = "name one that has, as `svl columns metrics` says";
                 return Err(format!("'{name}' has no better direction{why}; {cure}"));
             }
+            if metric.estimated().is_some() {
+                return Err(format!(
+                    "'{name}' is an estimate, of which no test tells if a change is chance; limit \
+                     its end by [[gate]]"
+                ));
+            }
             Ok(Some(metric))
         }
         _ => Err("expected worse, or worse:METRIC".to_owned()),

@@ -41,7 +41,7 @@ pub(crate) struct Args {
 }
 
 /// Options of other commands, which do not change what there is.
-const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "reference", "allow_loss"];
+const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "allow_loss"];
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.options

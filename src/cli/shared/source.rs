@@ -12,7 +12,7 @@ use svl::recording::files;
 use svl::source::{Opened, Request, SOURCES, SourceKind, SourceOrigin};
 
 /// Options of a scenario's source, which commands that open one source refuse.
-pub(crate) const SCENARIO_OPTIONS: &[&str] = &["data", "scenes", "seeds", "reference"];
+pub(crate) const SCENARIO_OPTIONS: &[&str] = &["data", "scenes", "seeds"];
 
 /// Hides an option that a command refuses from its help.
 pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {

@@ -201,7 +201,6 @@ pub fn are_most(map: &Plane<f32>, is_such: impl Fn(f32) -> bool) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Compared {
-    Reference,
     Truth,
     TruthAndMatchers,
 }
@@ -209,7 +208,6 @@ pub enum Compared {
 impl Display for Compared {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Reference => "the reference",
             Self::Truth => "the truth",
             Self::TruthAndMatchers => "the truth and of the matchers",
         })

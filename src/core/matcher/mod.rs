@@ -440,9 +440,9 @@ pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
             "'{label}' is an algorithm's own name; give '{written}' another label"
         )));
     }
-    if ["exact", "prior"].contains(&label) {
+    if ["exact", "prior", "witness"].contains(&label) {
         return Err(Error::Usage(format!(
-            "'{label}' is a row of every report's table; give '{written}' another label"
+            "'{label}' is a name of svl's own in reports; give '{written}' another label"
         )));
     }
     Ok((Some(label), written))

@@ -27,6 +27,8 @@ pub struct Frame {
     pub calibration: Option<Arc<StereoCalibration>>,
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
+    /// The floor below the camera, if something tells it.
+    pub floor: Option<FloorPlane>,
     /// Disparity maps that its source has besides the images, for the algorithms that report them.
     pub maps: Vec<RecordedMap>,
     /// Left and right in colour, of the pair's size, if the source has it. For display only:
@@ -49,6 +51,7 @@ impl Frame {
             calibration: None,
             pose: None,
             truth: None,
+            floor: None,
             maps: Vec::new(),
             color: None,
             exposure: Exposure::default(),
@@ -258,7 +261,7 @@ pub enum MapDensity {
     Sparse,
 }
 
-/// Origin of the true disparities. Written as `exact`, `sensor TOPIC` or `reference ALGORITHMS`.
+/// Origin of the true disparities. Written as `exact` or `sensor TOPIC`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum TruthOrigin {
@@ -267,8 +270,6 @@ pub enum TruthOrigin {
     Exact,
     /// Another sensor: its topic.
     Sensor(String),
-    /// Other algorithms, where they agree: their labels.
-    Reference(String),
 }
 
 impl TruthOrigin {
@@ -277,7 +278,6 @@ impl TruthOrigin {
         match self {
             Self::Exact => None,
             Self::Sensor(topic) => Some(format!("against the sensor {topic}")),
-            Self::Reference(algorithms) => Some(format!("against {algorithms}, not truth")),
         }
     }
 }
@@ -287,7 +287,6 @@ impl std::fmt::Display for TruthOrigin {
         match self {
             Self::Exact => f.write_str("exact"),
             Self::Sensor(topic) => write!(f, "sensor {topic}"),
-            Self::Reference(algorithms) => write!(f, "reference {algorithms}"),
         }
     }
 }
@@ -305,7 +304,6 @@ impl TryFrom<String> for TruthOrigin {
         match text.split_once(' ') {
             None if text == "exact" => Ok(Self::Exact),
             Some(("sensor", topic)) => Ok(Self::Sensor(topic.to_owned())),
-            Some(("reference", algorithms)) => Ok(Self::Reference(algorithms.to_owned())),
             _ => Err(format!("'{text}' is not an origin of a truth")),
         }
     }

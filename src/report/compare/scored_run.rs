@@ -7,6 +7,7 @@ use crate::subjects::accuracy::{AccuracyRow, AccuracyTally, AskedRange, PairErro
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
 use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::sources::Sources;
+use crate::subjects::witness::EstimateRow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
@@ -28,6 +29,7 @@ pub struct ScoredRun {
     references: Vec<Row>,
     /// Errors by distance; those of pixels are of all pairs.
     accuracy: Vec<AccuracyRow>,
+    pub(super) estimates: Vec<EstimateRow>,
     pub(super) failures: Vec<FailureRow>,
     checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
@@ -98,6 +100,7 @@ impl ScoredRun {
             rows: read_rows(&folder.join("rows.csv"))?,
             references: optional(folder, "references.csv")?,
             accuracy: optional(folder, "accuracy.csv")?,
+            estimates: optional(folder, "estimates.csv")?,
             failures: optional(folder, "failures.csv")?,
             checkpoints: optional(folder, "checkpoints.csv")?,
             drives: optional(folder, "drives.csv")?,

@@ -58,8 +58,8 @@ impl Results {
             let names = joined(absent.iter().map(|metric| metric.name));
             // A source of the truth is named once, for all of them.
             let cure = if self.truth.is_empty() && absent.iter().any(|m| m.against_truth) {
-                "; to compare with ground truth, name a sensor by --truth TOPIC, or an algorithm \
-                 by --reference"
+                "; to compare with ground truth, name a sensor, or a board in view, by \
+                 --truth"
             } else {
                 ""
             };

@@ -11,6 +11,8 @@ use svl_score::judge::{AreaChoice, Metric, TruthLevel};
 
 /// Limit of the algorithms whose faults are named.
 const MAX_NAMED: usize = 3;
+/// Limit of the algorithms whose estimated errors are told.
+const MAX_ESTIMATES: usize = 8;
 
 impl Unfit {
     /// The reason, before the algorithms that it is of.
@@ -260,7 +262,16 @@ impl Results {
         let order = self.shown.sort.and_then(|_| self.order_words());
         let order = order.map(|words| format!("The algorithms are {words}."));
         let parts = marks.into_iter().chain(self.own_pairs_words());
-        parts.chain(order).collect()
+        parts.chain(order).chain(self.estimate_words()).collect()
+    }
+
+    /// The estimated errors of the first algorithms, or why there are none.
+    fn estimate_words(&self) -> Vec<String> {
+        let rows = self.shown_estimates();
+        let words = rows.iter().take(MAX_ESTIMATES).map(|row| row.words());
+        let more = rows.len().saturating_sub(MAX_ESTIMATES);
+        let more = (more > 0).then(|| format!("{more} more estimates are in estimates.csv."));
+        words.chain(more).collect()
     }
 
     /// The limits that algorithms break, and the cells that they are of.

@@ -3,6 +3,7 @@
 use super::summary::Results;
 use crate::show::words::ms;
 use crate::subjects::references::PRIOR;
+use crate::subjects::witness::EstimateRow;
 use svl_core::counted;
 use svl_core::doubt::Doubt;
 use svl_score::judge::Metric;
@@ -29,6 +30,8 @@ impl Results {
         let parts = incomplete.chain(doubts).chain(note).chain(failed);
         let parts = parts.chain(self.empty_area()).chain(self.nothing_near());
         let parts = parts.chain(self.still_words()).chain(profile);
+        let estimates = self.shown_estimates().into_iter();
+        let parts = parts.chain(estimates.filter_map(EstimateRow::caution));
         let parts = parts.chain(self.mixed_times()).chain(self.slow_drivers());
         grouped(parts.chain(self.outliers()))
     }

@@ -261,7 +261,11 @@ impl Change {
 /// the pairs that are resampled.
 pub(crate) fn is_ranked(metric: &Metric) -> bool {
     let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
-    metric.better != Better::Neither && metric.unit != MetricUnit::Ms && !is_of_checkpoints
+    let is_estimated = metric.estimated().is_some();
+    metric.better != Better::Neither
+        && metric.unit != MetricUnit::Ms
+        && !is_of_checkpoints
+        && !is_estimated
 }
 
 impl Judgement {

@@ -9,7 +9,6 @@ use crate::rows::samples::{paired, runs};
 use crate::subjects::drives::{self, DriveRow};
 use crate::subjects::references::PRIOR;
 use std::cmp::Ordering;
-use svl_core::stereo::TruthOrigin;
 use svl_score::bootstrap::{METHOD, RunLengths, Sample};
 use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
 
@@ -30,6 +29,8 @@ const LIMITS: [(TruthLevel, Unfit); 5] = [
 const MIN_NEAR: f64 = 10.0;
 /// Least part of the most right cells: one that answers easy cells alone is wrong in none.
 const MIN_RIGHT: f64 = 0.5;
+/// Least difference of estimated right cells by which algorithms are in the right order.
+pub(crate) const MIN_AHEAD: f64 = 0.03;
 /// Fraction of right cells from which on the prior is no test: the scene hardly changes.
 const MAX_PRIOR: f64 = 0.8;
 
@@ -39,7 +40,7 @@ pub(crate) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
         TruthLevel::Distances => &["right", "wrong", "missed"],
         TruthLevel::Disparities => &["total_bad2"],
         TruthLevel::Courses => &["finished", "collisions"],
-        TruthLevel::NoTruth => &["unrivalled", "agreed"],
+        TruthLevel::NoTruth => &["estimated_right"],
     };
     names.iter().filter_map(|name| Metric::find(name)).collect()
 }
@@ -226,6 +227,16 @@ impl Results {
         rows: &RowsByAlgorithm<'_>,
         drives: &[DriveRow],
     ) -> Certainty {
+        if metric.estimated().is_some() {
+            let [best, other] = labels.map(|label| self.value(label, metric, None));
+            let is_ahead = best
+                .zip(other)
+                .is_some_and(|(a, b)| (a - b).abs() >= MIN_AHEAD);
+            return match is_ahead {
+                true => Certainty::Clear,
+                false => Certainty::NotToldApart,
+            };
+        }
         let change = if self.kind() == TruthLevel::Courses {
             course_change(metric, labels, drives)
         } else {
@@ -259,13 +270,10 @@ impl Results {
         !self.unfit.contains_key(&algorithm.algorithm)
     }
 
-    /// True for the truth, for `blind`, and for an algorithm that is scored against itself.
+    /// True for the truth, and for `blind`.
     pub(crate) fn is_reference(&self, algorithm: &AlgorithmSummary) -> bool {
         let label = &algorithm.algorithm;
-        let origins = self.truth.iter().cloned().map(TruthOrigin::try_from);
-        let mut origins = origins.filter_map(Result::ok);
-        let is_truth = origins.any(|own| own == TruthOrigin::Reference(label.clone()));
-        is_truth || self.basis.perfect.contains(label) || label == "blind"
+        self.basis.perfect.contains(label) || label == "blind"
     }
 
     /// False for too little of the courses.
@@ -429,18 +437,6 @@ mod tests {
         assert_eq!(answers(60), [few, "! own failed on 140 of 200 pairs."]);
         assert_eq!(answers(0)[0], "No algorithm answered any of 200 pairs.");
         assert_eq!(answers(200), ["", ""]);
-    }
-
-    #[test]
-    fn a_reference_is_not_best_against_itself() {
-        let mut own = rows("sgm", 200, |_| true);
-        own.extend(rows("v3", 200, |i| !i.is_multiple_of(20)));
-        for row in &mut own {
-            row.truth = Some(TruthOrigin::Reference("sgm".into()).to_string());
-        }
-        let results = results([own], Vec::new());
-        assert_eq!(results.unfit["sgm"], Unfit::NotCompared);
-        assert!(results.best.iter().all(|own| own.algorithm == "v3"));
     }
 
     #[test]

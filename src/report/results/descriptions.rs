@@ -7,6 +7,7 @@ use crate::show::table::model::Table;
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{DriveRow, TrackRow};
 use crate::subjects::reliability::ReliabilityRow;
+use crate::subjects::witness::EstimateRow;
 use svl_score::judge::METRICS;
 
 /// A table of a report's folder, `NAME.csv` and `NAME.parquet`.
@@ -44,6 +45,10 @@ pub const TABLES: &[TableDescription] = &[
     table::<Row>(
         "references",
         "one pair through a reference, which looks at no image: prior or exact",
+    ),
+    table::<EstimateRow>(
+        "estimates",
+        "the errors of one algorithm in one area, estimated without truth",
     ),
     table::<FailureRow>("failures", "one pair that an algorithm failed on"),
     table::<DriveRow>("drives", "one course with one algorithm at the wheel"),

@@ -65,7 +65,10 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
         let own = |label: &str| match (limit.checkpoint, limit.range) {
             (Some(_), _) => summary.measurement(label, limit.metric, limit.checkpoint, area),
             (None, Some(range)) => summary.error_within(label, limit.metric, area, range),
-            (None, None) => summary.own(label)?.totals.measured(limit.metric, area),
+            (None, None) => match limit.metric.estimated() {
+                Some(number) => summary.estimate(label, area)?.promised(number),
+                None => summary.own(label)?.totals.measured(limit.metric, area),
+            },
         };
         let measured = own(label);
         let cases = measured.map_or_else(Cases::none, |own| own.cases);
@@ -80,7 +83,11 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
         let is_of_own = !summary.basis.own.is_empty() && limit.checkpoint.is_none();
         let own_pairs = is_of_own.then(|| "of its own pairs".to_owned());
         let caution = summary.caution().filter(|_| limit.metric.against_truth);
-        let cautions: Vec<_> = caution.into_iter().chain(own_pairs).collect();
+        let estimate = summary
+            .estimate(label, area)
+            .filter(|_| limit.metric.estimated().is_some());
+        let untold = estimate.and_then(|own| own.absent.clone().filter(|_| value.is_none()));
+        let cautions: Vec<_> = caution.into_iter().chain(own_pairs).chain(untold).collect();
         let [min, max] = limit.bounds();
         let keeps = |v: f64| min.is_none_or(|min| v >= min) && max.is_none_or(|max| v <= max);
         let state = match value {
@@ -157,11 +164,19 @@ impl GateResult {
             .checkpoint
             .map(|number| format!(" at checkpoint {number}"));
         let range = limit.range.map(|range| format!(" at {range} m"));
+        let number = limit.metric.estimated();
+        let end = number.map(|own| {
+            if own.is_of_right() {
+                ", low end"
+            } else {
+                ", high end"
+            }
+        });
         let other = limit.relative_to.as_deref().map(|other| match other {
             PRIOR => " minus the prior's".to_owned(),
             other => format!(" in units of {other}'s"),
         });
-        let extent = [area, checkpoint, range, other]
+        let extent = [area, checkpoint, range, other, end.map(str::to_owned)]
             .map(Option::unwrap_or_default)
             .concat();
         format!("{algorithm}: {}{extent}", limit.metric.words)

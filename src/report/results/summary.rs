@@ -11,6 +11,7 @@ use crate::subjects::reliability::ReliabilityRow;
 use crate::subjects::sources::Sources;
 use crate::subjects::speed::Speed;
 use crate::subjects::stress::StressSummary;
+use crate::subjects::witness::EstimateRow;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
@@ -72,6 +73,9 @@ pub struct Results {
     /// Probabilities of cells by range, where an algorithm gives them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub reliability: Vec<ReliabilityRow>,
+    /// Errors that are estimated without truth, by area.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub estimates: Vec<EstimateRow>,
     /// Delays of the topics whose maps were scored.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub latency: Vec<TopicDelay>,
@@ -111,6 +115,7 @@ pub struct ReportTables {
     pub reliability: Vec<ReliabilityRow>,
     /// The rows of the references, where cells are scored by distances.
     pub references: Vec<Row>,
+    pub estimates: Vec<EstimateRow>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -417,6 +422,7 @@ impl Results {
         results.made_of = parts.made_of;
         results.accuracy.clone_from(&tables.accuracy);
         results.reliability.clone_from(&tables.reliability);
+        results.estimates.clone_from(&tables.estimates);
         results.shown = shown;
         results.basis.common = common;
         results.basis.is_measured = parts.is_measured;
@@ -455,6 +461,7 @@ impl Results {
             results.basis.scope.scored = results.basis.scope.scored.max(own.scored());
         }
         results.add_accuracy(&tables.accuracy);
+        results.add_estimates(&tables.estimates);
         results.add_drives(&tables.drives, None);
         results
     }
@@ -660,6 +667,38 @@ impl Results {
                 }
             }
         }
+    }
+
+    /// Adds the estimated errors.
+    fn add_estimates(&mut self, rows: &[EstimateRow]) {
+        for row in rows {
+            let own = self.algorithms.iter_mut();
+            for summary in own.filter(|own| own.algorithm == row.algorithm) {
+                for metric in METRICS {
+                    let about = metric.estimated().and_then(|number| row.about(number));
+                    if let Some(own) = about {
+                        summary.totals.set(metric, row.area, own);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The estimated errors of an algorithm in an area.
+    pub(crate) fn estimate(&self, label: &str, area: AreaChoice) -> Option<&EstimateRow> {
+        let mut rows = self.estimates.iter();
+        rows.find(|row| row.algorithm == label && row.area == area)
+    }
+
+    /// The estimated errors in the area that is shown, the best algorithm first; none where they
+    /// are not shown.
+    pub(crate) fn shown_estimates(&self) -> Vec<&EstimateRow> {
+        let is_estimated = |metric: &&Metric| metric.estimated().is_some();
+        let mut shown = self.shown.columns.metrics(self.kind()).into_iter();
+        let ranked = self.ranked_algorithms().into_iter();
+        let ranked = ranked.filter(|_| shown.any(|metric| is_estimated(&metric)));
+        let rows = ranked.filter_map(|a| self.estimate(&a.algorithm, self.basis.area));
+        rows.collect()
     }
 
     /// Adds the results of drives with that perturbation.

@@ -6,7 +6,7 @@
 
 use super::best::{BestSetting, RowsByAlgorithm, SweepChoice, Unfit};
 use super::change::{Change, Judgement};
-use super::choice::{better_first, merit_sample};
+use super::choice::{MIN_AHEAD, better_first, merit_sample};
 use super::summary::{AlgorithmSummary, Results};
 use crate::rows::records::Row;
 use crate::rows::samples::{paired, runs, sample};
@@ -76,6 +76,34 @@ impl Results {
         self.choices = choices.collect();
     }
 
+    /// The setting with the best estimate: it is of all pairs, so all choose.
+    fn best_estimated(
+        &self,
+        settings: Vec<&AlgorithmSummary>,
+        metric: &'static Metric,
+    ) -> Result<BestSetting, String> {
+        let estimates = settings.iter();
+        let estimates = estimates.filter_map(|a| Some((&a.algorithm, a.value(metric)?)));
+        let mut estimates: Vec<_> = estimates.collect();
+        estimates.sort_by(|(_, a), (_, b)| better_first(metric, Some(*a), Some(*b)));
+        let (label, best) = estimates.first().ok_or_else(|| {
+            let why = settings.iter().find_map(|a| {
+                let own = self.estimate(&a.algorithm, self.basis.area)?;
+                own.absent.clone()
+            });
+            why.unwrap_or_else(|| format!("no {}", metric.words))
+        })?;
+        let alike = estimates
+            .iter()
+            .filter(|(_, own)| (own - best).abs() < MIN_AHEAD);
+        Ok(BestSetting {
+            label: (*label).clone(),
+            own_score: *best,
+            score: *best,
+            alike: alike.count() - 1,
+        })
+    }
+
     fn best_setting(
         &self,
         labels: &[&str],
@@ -88,6 +116,9 @@ impl Results {
         }
         let own = self.algorithms.iter();
         let own = own.filter(|a| labels.contains(&&*a.algorithm));
+        if metric.estimated().is_some() {
+            return self.best_estimated(own.collect(), metric);
+        }
         // Right minus wrong cells choose none of easy cells alone, whatever other algorithms are.
         let is_easy = |a: &AlgorithmSummary| self.unfit.get(&a.algorithm) == Some(&Unfit::Easy);
         let is_fit = |a: &&AlgorithmSummary| self.may_be_best(a) || is_merit && is_easy(a);
@@ -173,11 +204,15 @@ impl SweepChoice {
             1 => "; another is not told apart from it".to_owned(),
             alike => format!("; {alike} others are not told apart from it"),
         };
+        let unseen = if metric.is_some_and(|metric| metric.estimated().is_some()) {
+            String::new()
+        } else {
+            format!(", {} on pairs that did not choose", show(own.score))
+        };
         format!(
-            "Of {settings} of {name}, use {}: {words} {}, {} on pairs that did not choose{alike}.",
+            "Of {settings} of {name}, use {}: {words} {}{unseen}{alike}.",
             own.label,
             show(own.own_score),
-            show(own.score),
         )
     }
 }

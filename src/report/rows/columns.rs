@@ -49,7 +49,7 @@ impl ColumnDescription {
         };
         let extent = match metric.origin {
             MetricOrigin::Frame { .. } | MetricOrigin::Time => "",
-            MetricOrigin::Cells { .. } => "; over all pairs",
+            MetricOrigin::Cells { .. } | MetricOrigin::Estimated { .. } => "; over all pairs",
             MetricOrigin::Checkpoints => "; of checkpoints",
             MetricOrigin::Drives(_) => "; of drives",
         };

@@ -57,7 +57,10 @@ pub(crate) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
                 ms.map(|ms| ms.into_iter().collect()).collect(),
             ))
         }
-        MetricOrigin::Cells { .. } | MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+        MetricOrigin::Cells { .. }
+        | MetricOrigin::Estimated { .. }
+        | MetricOrigin::Checkpoints
+        | MetricOrigin::Drives(_) => None,
     }
 }
 

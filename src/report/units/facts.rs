@@ -2,6 +2,7 @@
 
 use super::plan::{BLOCK, PlannedAlgorithm};
 use crate::results::summary::TopicDelay;
+use crate::subjects::witness::FloorRays;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;
@@ -45,6 +46,9 @@ pub struct PairFacts {
     /// Disparity of infinity by its calibration, pixels; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub infinity_px: Option<f32>,
+    /// The floor along the rays of its cells, if something tells it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<FloorRays>,
     /// Hashes of the maps that others computed, by their names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub maps: BTreeMap<String, String>,

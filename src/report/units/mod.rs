@@ -24,7 +24,7 @@ mod worst;
 
 pub use facts::{PairFacts, RunFacts};
 pub use pictures::{BlockPictures, CheckpointShot, StoredImage};
-pub use plan::{BLOCK, PlannedAlgorithm, ReportPlan, ReportRun};
+pub use plan::{BLOCK, PlannedAlgorithm, PlannedWitness, ReportPlan, ReportRun};
 pub use run_units::RunUnits;
 pub use store::{REPORT_LIST, StoredSession, UNITS, Units};
 pub use tables::{collect_tables, made_of, read_tables, write_tables};

@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 use svl_core::Result;
+use svl_core::depth::{CellDecision, GridSettings};
 use svl_files::safe_name;
 use svl_score::losses::Missing;
 use svl_score::manifest::{AlgorithmRecord, Manifest, Purpose, hash};
+use svl_score::scenario::is_of_witness;
 
 /// Limit of the algorithms with pictures: the first of the report.
 const MAX_PICTURED: usize = 8;
@@ -17,12 +19,30 @@ pub struct ReportPlan {
     pub manifest: Manifest,
     /// All runs, in their order.
     pub runs: Vec<ReportRun>,
+    /// The algorithm by which errors are estimated, if they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub witness: Option<PlannedWitness>,
     /// Per limit of the scenario its line in the file.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub limit_lines: Vec<usize>,
     /// Pairs that were lost as live topics were recorded for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost: Option<Missing>,
+}
+
+/// The witness of a report: an algorithm that no table shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedWitness {
+    pub record: AlgorithmRecord,
+    /// True if it is asked for, also where there is a truth.
+    pub is_asked: bool,
+}
+
+impl PlannedWitness {
+    /// True if it matches the pairs of a run.
+    fn is_of(&self, run: &ReportRun) -> bool {
+        run.stress.is_none() && !run.is_raw && (self.is_asked || !run.has_truth)
+    }
 }
 
 /// An algorithm of a report, as far as its units depend on it.
@@ -52,6 +72,7 @@ impl ReportPlan {
             format,
             manifest,
             runs,
+            witness: None,
             limit_lines: Vec::new(),
             lost: None,
         })
@@ -83,12 +104,38 @@ impl ReportPlan {
     pub fn algorithms_of(&self, run: &ReportRun) -> Vec<PlannedAlgorithm<'_>> {
         let is_own = |record: &&AlgorithmRecord| run.stress.is_none() || !record.is_recorded();
         let records = self.manifest.algorithms.iter().filter(is_own);
+        let witness = self.witness.iter().filter(|own| own.is_of(run));
+        let records = records.chain(witness.map(|own| &own.record));
         records.map(PlannedAlgorithm::new).collect()
+    }
+
+    /// True if it tells errors that are estimated, or why there are none.
+    pub(crate) fn has_estimates(&self) -> bool {
+        let has_truth = self.runs.iter().any(|run| run.has_truth);
+        self.witness.is_some() || !has_truth && !self.is_driven()
+    }
+
+    /// Why the errors of an algorithm cannot be estimated, whatever its cells.
+    pub(crate) fn why_no_estimate(&self, label: &str) -> Option<String> {
+        let mut records = self.manifest.algorithms.iter();
+        let record = records.find(|own| own.label == label)?;
+        let grid: GridSettings = self.manifest.part("grid").ok()?.unwrap_or_default();
+        let why = if is_of_witness(&record.name) {
+            "v5 is the witness: a board in view (--truth board:9x6) or labels give a number"
+        } else if grid.decision == CellDecision::Safe {
+            "decision = \"safe\" is of v5, the witness: a board in view or labels give a number"
+        } else if self.runs.iter().any(|run| run.is_raw) {
+            "its pairs are raw, and matched as they are: svl calibrate board"
+        } else {
+            return None;
+        };
+        Some(why.to_owned())
     }
 
     /// The digests of all algorithms.
     pub fn digests(&self) -> Vec<String> {
-        let records = self.manifest.algorithms.iter();
+        let witness = self.witness.iter().map(|own| &own.record);
+        let records = self.manifest.algorithms.iter().chain(witness);
         let records = records.map(|own| PlannedAlgorithm::new(own).digest);
         records.collect()
     }
@@ -125,6 +172,11 @@ pub struct ReportRun {
     pub run: Option<String>,
     pub seed: Option<u64>,
     pub stress: Option<String>,
+    /// True if its pairs have a truth, and if they are raw ones that are matched as they are.
+    #[serde(default)]
+    pub has_truth: bool,
+    #[serde(default)]
+    pub is_raw: bool,
     /// Digest of the key, of the options of the run and of svl's sources.
     pub digest: String,
 }

@@ -10,14 +10,16 @@ use crate::rows::csv_rows::read_rows;
 use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Row};
 use crate::rows::samples::time_ns;
 use crate::subjects::accuracy::{AccuracyTally, RunRanges};
-use crate::subjects::agreed::ScoreRule;
 use crate::subjects::checkpoints::CheckpointTallies;
+use crate::subjects::kept::ScoreRule;
 use crate::subjects::references::ReferenceTally;
 use crate::subjects::reliability::ReliabilityTallies;
+use crate::subjects::witness::{ComparedPair, WitnessTally};
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
 use svl_score::manifest::hash;
+use svl_score::scenario::WITNESS;
 
 /// Digest of all that the tables are made of.
 pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {
@@ -52,6 +54,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.accuracy = read_rows(&file("accuracy"))?;
         tables.reliability = read_rows(&file("reliability"))?;
         tables.references = read_rows(&file("references"))?;
+        tables.estimates = read_rows(&file("estimates"))?;
     }
     Ok(tables)
 }
@@ -96,6 +99,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
         write_table(folder, "accuracy", &tables.accuracy)?;
         write_table(folder, "reliability", &tables.reliability)?;
         write_table(folder, "references", &tables.references)?;
+        write_table(folder, "estimates", &tables.estimates)?;
     }
     Ok(tables)
 }
@@ -124,37 +128,47 @@ pub fn collect_tables(
     let mut accuracy = AccuracyTally::new(rule.cells, &ranges);
     let mut reliability = ReliabilityTallies::default();
     let mut references = ReferenceTally::default();
+    let mut witness = WitnessTally::new(rule.cells);
     let scenario = &plan.manifest.scenario;
     for run in runs {
         let name = run.run.run.as_deref();
-        accuracy.begin_pass(plan.manifest.has_separate_pairs(name));
+        let has_separate_pairs = plan.manifest.has_separate_pairs(name);
+        accuracy.begin_pass(has_separate_pairs);
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
-        let mut collect = |mut rows: UnitRows, pair: Option<&PairFacts>| -> Result<()> {
-            if let Some(pair) = pair {
-                rule.add_agreed(&mut rows.rows, &rows.cells, pair.infinity_px);
-                if let Some(plain) = &mut plain {
-                    let cells = [plain.for_pair(pair.sequence)?, &rows.cells];
-                    rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
+        let mut collect =
+            |mut rows: UnitRows, pair: Option<(&PairFacts, Option<UnitRows>)>| -> Result<()> {
+                if let Some((pair, seen)) = pair {
+                    if let Some(plain) = &mut plain {
+                        let cells = [plain.for_pair(pair.sequence)?, &rows.cells];
+                        rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
+                    }
+                    if let Some(row) = rows.rows.first() {
+                        accuracy.add(time_ns(row), &rows.cells);
+                        reliability.add(&rows.cells);
+                        references.add(row, std::mem::take(&mut rows.truths));
+                        let compared = ComparedPair {
+                            stamp_ns: time_ns(row).filter(|_| !has_separate_pairs),
+                            infinity_px: pair.infinity_px,
+                            floor: pair.floor,
+                        };
+                        if let Some(seen) = seen {
+                            witness.add(&compared, &rows.cells, &seen.cells);
+                        }
+                    }
                 }
-                if let Some(row) = rows.rows.first() {
-                    accuracy.add(time_ns(row), &rows.cells);
-                    reliability.add(&rows.cells);
-                    references.add(row, std::mem::take(&mut rows.truths));
-                }
-            }
-            take(TakenRows {
-                rows: &rows.rows,
-                cells: rows.cells,
-                failures: &rows.failures,
-            })?;
-            tallies.add(&rows.rows, &rows.frames);
-            tables.failures.extend(rows.failures);
-            tables.rows.extend(rows.rows);
-            tables.drives.extend(rows.drives);
-            tables.tracks.extend(rows.tracks);
-            Ok(())
-        };
+                take(TakenRows {
+                    rows: &rows.rows,
+                    cells: rows.cells,
+                    failures: &rows.failures,
+                })?;
+                tallies.add(&rows.rows, &rows.frames);
+                tables.failures.extend(rows.failures);
+                tables.rows.extend(rows.rows);
+                tables.drives.extend(rows.drives);
+                tables.tracks.extend(rows.tracks);
+                Ok(())
+            };
         // The truth of the cells is that of the first algorithm: all have the same.
         let is_read = |first: bool, table: &str| match table {
             "cells" => has_cells,
@@ -174,15 +188,20 @@ pub fn collect_tables(
                 }
                 continue;
             }
+            let seen = run.unit(WITNESS, block).filter(|_| has_cells);
+            let seen = seen.map(|unit| UnitReader::open(unit, scenario, |table| table == "cells"));
+            let mut seen = seen.transpose()?;
             let pairs = run.facts.pairs.iter().skip((block * BLOCK) as usize);
             for pair in pairs.take(BLOCK as usize) {
                 let mut rows = UnitRows::default();
                 for reader in &mut readers {
                     rows.append(reader.take(Some(pair.sequence))?);
                 }
-                collect(rows, Some(pair))?;
+                let seen = seen.as_mut().map(|own| own.take(Some(pair.sequence)));
+                collect(rows, Some((pair, seen.transpose()?)))?;
             }
         }
+        witness.end_run();
         let key = &run.run;
         for unit in run.all().filter(|_| key.stress.is_none() && has_cells) {
             if let Some(errors) = unit.pixel_errors()? {
@@ -202,6 +221,9 @@ pub fn collect_tables(
     tables.accuracy = accuracy.into_rows(&plan.labels(), &ranges);
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.references = references.into_rows(rule.cells);
+    if plan.has_estimates() {
+        tables.estimates = witness.into_rows(plan.labels(), |label| plan.why_no_estimate(label));
+    }
     Ok(tables)
 }
 

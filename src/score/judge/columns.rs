@@ -132,7 +132,14 @@ mod tests {
         );
         expect(
             NoTruth,
-            &["known", "unrivalled", "agreed", "passed", "time"],
+            &[
+                "known",
+                "estimated_right",
+                "estimated_wrong",
+                "estimated_sure_wrong",
+                "passed",
+                "time",
+            ],
         );
     }
 }

@@ -1,10 +1,8 @@
 //! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for all sinks.
 
-use super::photometric::Correlations;
-use super::support::{agreed_cells, unrivalled_cells};
 use super::{
-    AreaChoice, CellJudgement, CellSupport, CellTallies, Checkpoint, CheckpointFrame,
-    DisparityScore, FilterTally, FrameFacts, FrameOrigin, MetricValues, TrueCells,
+    AreaChoice, CellJudgement, CellTallies, Checkpoint, CheckpointFrame, DisparityScore,
+    FilterTally, FrameFacts, FrameOrigin, MetricValues, TrueCells,
 };
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
@@ -20,9 +18,6 @@ pub struct Judge {
     pub checkpoints: Vec<Checkpoint>,
     /// The run whose frames are scored.
     pub run: FrameOrigin,
-    /// True if frames without truth are scored by the images: it takes about as long as a fast
-    /// matcher.
-    pub photometric: bool,
 }
 
 /// A frame with all scores of its estimates. Every sink reads this one.
@@ -31,6 +26,8 @@ pub struct Judged {
     pub frame: Frame,
     /// In the order of the run's algorithms, without those that failed on the frame.
     pub estimates: Vec<JudgedEstimate>,
+    /// The estimate of the witness, which no table shows.
+    pub witness: Option<JudgedEstimate>,
     /// The algorithms that failed on the frame.
     pub failures: Vec<MatchFailure>,
     /// The truth of the cells; absent without truth or without estimates.
@@ -81,15 +78,12 @@ impl Judge {
         } else {
             self.true_cells(&frame)
         };
-        let supports = self.supports(&frame, &estimates);
         let estimates = estimates
             .into_iter()
-            .zip(supports)
-            .map(|(estimate, support)| {
-                self.judge_estimate(&frame, true_cells.as_ref(), estimate, support)
-            })
+            .map(|estimate| self.judge_estimate(&frame, true_cells.as_ref(), estimate))
             .collect();
         Judged {
+            witness: None,
             failures: Vec::new(),
             frame,
             estimates,
@@ -103,35 +97,11 @@ impl Judge {
         TrueCells::new(frame, self.grid.shape(), self.rule(frame))
     }
 
-    /// The support of each estimate; only frames without truth need it.
-    fn supports(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<CellSupport> {
-        if frame.truth.is_some() || estimates.is_empty() {
-            return vec![CellSupport::default(); estimates.len()];
-        }
-        let correlations = self.photometric.then(|| Correlations::new(&frame.pair));
-        let share = |cells: usize| cells as f64 / self.grid.shape().cells() as f64;
-        let support = |(i, estimate): (usize, &Estimate)| {
-            let others = estimates.iter().enumerate().filter(|(j, _)| *j != i);
-            let others: Vec<_> = others.map(|(_, other)| &other.grid).collect();
-            // A median needs at least two.
-            let agreed = (others.len() >= 2)
-                .then(|| agreed_cells(&estimate.grid, &others, self.rule(frame)));
-            CellSupport {
-                unrivalled: correlations
-                    .as_ref()
-                    .map(|correlations| share(unrivalled_cells(estimate, correlations))),
-                agreed: agreed.map(share),
-            }
-        };
-        estimates.iter().enumerate().map(support).collect()
-    }
-
     fn judge_estimate(
         &self,
         frame: &Frame,
         true_cells: Option<&TrueCells>,
         estimate: Estimate,
-        support: CellSupport,
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
         let rule = self.rule(frame);
@@ -149,7 +119,6 @@ impl Judge {
             cells: cells.as_deref().map(CellTallies::new),
             area: AreaChoice::default(),
             filtered: filtered.unwrap_or_default(),
-            support,
         };
         JudgedEstimate {
             hash: estimate.hash(),
@@ -197,86 +166,5 @@ impl Judge {
             // Checkpoints that need truth are skipped without it: no frame shows them.
             .filter(move |(_, checkpoint)| has_truth || !checkpoint.needs_truth())
             .filter(move |(_, checkpoint)| checkpoint.covers(frame, &self.run))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use svl_core::depth;
-    use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
-
-    /// Noise with disparity 6.
-    fn frame() -> Frame {
-        let mut random = fastrand::Rng::with_seed(5);
-        let noise = (0..100 * 60).map(|_| random.u8(..)).collect();
-        let left = Plane::from_vec(100, 60, noise).unwrap();
-        let right = Plane::from_fn(100, 60, |x, y| left.get((x + 6) % 100, y)).unwrap();
-        Frame::new(
-            StereoPair::new(left, right).unwrap(),
-            Geometry::Rectified(None),
-        )
-    }
-
-    /// That disparity from column 20 on, or no disparity.
-    fn estimate(disparity_px: Option<f32>) -> Estimate {
-        let mut disparity = DisparityMap::new(100, 60).unwrap();
-        for mut row in disparity.rows_mut() {
-            disparity_px
-                .into_iter()
-                .for_each(|d| (20..100).for_each(|x| row.accept(x, d)));
-        }
-        Estimate {
-            algorithm: String::new(),
-            grid: depth::grid(disparity.disparity(), GridSettings::default(), None),
-            disparity,
-            own_grid: false,
-            unfiltered: None,
-            range_px: None,
-            times: None,
-        }
-    }
-
-    fn scores(judge: &Judge, frame: Frame, disparities: &[Option<f32>]) -> Vec<[Option<f64>; 2]> {
-        let estimates = disparities.iter().map(|&d| estimate(d)).collect();
-        let judged = judge.judge(frame, estimates);
-        let values = judged.estimates.iter().map(|scored| &scored.metrics);
-        values
-            .map(|metrics| ["unrivalled", "agreed"].map(|name| metrics.get(name)))
-            .collect()
-    }
-
-    #[test]
-    fn without_truth_images_and_other_algorithms_support_cells() {
-        let judge = Judge {
-            cells: CellRule::Disparity { tolerance_px: 2.0 },
-            photometric: true,
-            ..Judge::default()
-        };
-        let run = [Some(6.0), Some(6.0), Some(11.0), None];
-        // The first of five columns is unknown. The median of 6, 11 is 6, of 6, 6 too. An empty map
-        // has the worst score.
-        let [right, wrong, silent] = [0.8, 0.0, 0.0].map(|share| [Some(share); 2]);
-        assert_eq!(scores(&judge, frame(), &run), [right, right, wrong, silent]);
-        // Two algorithms have no median of others, and the images are compared only on request.
-        assert_eq!(scores(&judge, frame(), &run[1..3])[0], [Some(0.8), None]);
-        let quick = Judge {
-            photometric: false,
-            ..judge.clone()
-        };
-        assert_eq!(scores(&quick, frame(), &run)[0], [None, Some(0.8)]);
-        // Without a rig there are no distances, and the default rule scores disparities.
-        let distances = Judge {
-            cells: CellRule::default(),
-            ..judge.clone()
-        };
-        assert_eq!(
-            scores(&distances, frame(), &run),
-            scores(&judge, frame(), &run)
-        );
-        let mut known = frame();
-        let truth = Plane::filled(100, 60, 6.0).unwrap();
-        known.truth = Some(Truth::exact(truth, None));
-        assert_eq!(scores(&judge, known, &run)[0], [None, None]);
     }
 }

@@ -28,17 +28,6 @@ pub struct FrameFacts<'a> {
     pub area: AreaChoice,
     /// Counts for the filters.
     pub filtered: FilterTally,
-    /// Scores without truth, for frames that have none.
-    pub support: CellSupport,
-}
-
-/// Fractions of all cells of the grid that are known and supported; `None` if not computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CellSupport {
-    /// By the images.
-    pub unrivalled: Option<f64>,
-    /// By the other algorithms of the run.
-    pub agreed: Option<f64>,
 }
 
 impl FrameFacts<'_> {
@@ -228,6 +217,12 @@ pub enum MetricOrigin {
         column: &'static str,
         number: CellNumber,
     },
+    /// The cells of all pairs of an algorithm beside those of the witness.
+    Estimated {
+        /// Column in the summary.
+        column: &'static str,
+        number: EstimatedNumber,
+    },
     /// The time per pair; over frames, the median by nearest rank.
     Time,
     /// The frames that show a checkpoint; the fraction in which it passes.
@@ -249,6 +244,22 @@ pub enum CellNumber {
     ErrorCells,
     /// Number of cells at rest.
     RestingCells,
+}
+
+/// A number of errors that are estimated without truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EstimatedNumber {
+    Wrong,
+    /// Of the cells that the witness is sure of.
+    SureWrong,
+    Right,
+}
+
+impl EstimatedNumber {
+    /// True if its low end is promised, and not its high end.
+    pub fn is_of_right(self) -> bool {
+        self == Self::Right
+    }
 }
 
 /// A metric of an algorithm's drives.
@@ -415,6 +426,7 @@ const BEHIND_FILTERS: CaseKind =
     CaseKind::Sum(&["kept", "lost"], "obstacle* right without filters");
 const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer than the range");
 const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
+const COMMON: CaseKind = CaseKind::Errors("cell* in common with v5");
 const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
 const METRES: CaseKind = CaseKind::Items("m driven");
 const COMPARED: CaseKind = CaseKind::Sum(&["same", "changed", "gone"], "cell* known unperturbed");
@@ -442,9 +454,16 @@ const fn pixels(name: &'static str, words: &'static str, head: &'static str) -> 
     metric(name, words, "pixels, %", head)
 }
 
-const fn no_truth(name: &'static str, words: &'static str, head: &'static str) -> Metric {
-    let own = metric(name, words, "no truth, %", head);
-    own.without_truth().headline(&[NoTruth])
+const fn estimated(
+    name: &'static str,
+    number: EstimatedNumber,
+    words: &'static str,
+    head: &'static str,
+) -> Metric {
+    let own = metric(name, words, "estimated, %", head).without_truth();
+    let column = name;
+    let own = own.origin(MetricOrigin::Estimated { column, number });
+    own.over(COMMON).by_area().headline(&[NoTruth])
 }
 
 const fn perturbed(name: &'static str, words: &'static str, head: &'static str) -> Metric {
@@ -601,19 +620,33 @@ pub const METRICS: &[Metric] = &[
              the mean over the pairs; in whole rows, and only within row_tolerance: `svl \
              calibrate check` measures larger ones",
         ),
-    no_truth("unrivalled", "unrivalled cells", "unrivalled")
-        .mean("unrivalled", More, |facts| facts.support.unrivalled)
-        .note(
-            "known cells for which no other disparity matches better, of all cells; needs no \
-             truth: docs/method.md",
-        ),
-    no_truth("agreed", "agreed cells", "agreed")
-        .mean("agreed", More, |facts| facts.support.agreed)
-        .plotted_at("agreed_cells")
-        .note(
-            "known cells that the median of the run's other algorithms confirms, of all cells; \
-             needs no truth; compare only runs with the same algorithms",
-        ),
+    estimated(
+        "estimated_right",
+        EstimatedNumber::Right,
+        "estimated right cells",
+        "right",
+    )
+    .unit(Share, More)
+    .note_on(
+        "estimated",
+        "errors without truth, by how far a report is from v5's, in tolerances, and how sure \
+             v5 is: wrong cells of the known ones, of those that v5 is sure of, and right cells of \
+             all; \"at most\" is promised, \"about\" is not: docs/no-truth.md",
+    ),
+    estimated(
+        "estimated_wrong",
+        EstimatedNumber::Wrong,
+        "estimated wrong cells",
+        "wrong",
+    )
+    .unit(Share, Less),
+    estimated(
+        "estimated_sure_wrong",
+        EstimatedNumber::SureWrong,
+        "estimated wrong cells where v5 is sure",
+        "sure, wrong",
+    )
+    .unit(Share, Less),
     perturbed("same", "cells as unperturbed", "same")
         .part("cells_same", More, Fact(|_| None))
         .note_on(
@@ -848,7 +881,17 @@ impl Metric {
     /// Column in summaries; `None` if the metric has a table of its own.
     pub fn summary_column(&self) -> Option<&'static str> {
         match self.origin {
-            MetricOrigin::Frame { column, .. } | MetricOrigin::Cells { column, .. } => Some(column),
+            MetricOrigin::Frame { column, .. }
+            | MetricOrigin::Cells { column, .. }
+            | MetricOrigin::Estimated { column, .. } => Some(column),
+            _ => None,
+        }
+    }
+
+    /// The number that it estimates without truth, if it does.
+    pub fn estimated(&self) -> Option<EstimatedNumber> {
+        match self.origin {
+            MetricOrigin::Estimated { number, .. } => Some(number),
             _ => None,
         }
     }

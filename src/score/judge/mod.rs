@@ -10,11 +10,9 @@ mod filtered;
 mod judged;
 mod measured;
 mod metrics;
-mod photometric;
 pub mod protocol;
 pub mod signs;
 mod sparse;
-mod support;
 mod truth;
 
 pub use area::{AreaChoice, CellArea};
@@ -31,8 +29,7 @@ pub use filtered::FilterTally;
 pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use measured::{CaseKind, Cases, Measured, Minimum};
 pub use metrics::{
-    Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricFault,
+    Better, CellNumber, DriveNumber, EstimatedNumber, FrameFacts, METRICS, Metric, MetricFault,
     MetricLevel, MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,
 };
-pub use support::agreed_cells;
 pub use truth::{CellTruth, NearTruth, TrueCells};

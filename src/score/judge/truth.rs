@@ -96,18 +96,13 @@ pub struct NearTruth {
 }
 
 impl TrueCells {
-    /// The cells of a frame with truth, scored by `rule`. With a reference as truth, the fraction
-    /// of sure disparities must be that of an algorithm's known cell ([`depth::MIN_VALID`]).
+    /// The cells of a frame with truth, scored by `rule`.
+
     pub fn new(frame: &Frame, shape: GridShape, rule: CellRule) -> Option<Self> {
         let (truth, rig) = (frame.truth.as_ref()?, frame.rig());
-        let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
         let are_points = truth.kind.density == MapDensity::Sparse;
         let settings = GridSettings {
-            min_valid: if is_reference {
-                depth::MIN_VALID
-            } else {
-                MIN_KNOWN
-            },
+            min_valid: MIN_KNOWN,
             decision: CellDecision::Median,
             ..shape.into()
         };
@@ -126,7 +121,7 @@ impl TrueCells {
                 columns,
                 rows,
             };
-            let is_sparse = are_points || cell.depth.is_none() && !is_reference;
+            let is_sparse = are_points || cell.depth.is_none();
             if is_sparse && cell.valid_share > 0.0 {
                 let [points, above] = [maps.all, maps.above].map(|map| maps.points(map));
                 cell.depth = points.percentile(50, rule, rig);
@@ -140,8 +135,7 @@ impl TrueCells {
             let Some(depth) = cell.depth else {
                 return TrueCell::default();
             };
-            // A reference is unsure where it is unknown, and has no holes.
-            let can_have = !is_reference && cell.valid_share < 1.0 && has_truth(&depth, rule);
+            let can_have = cell.valid_share < 1.0 && has_truth(&depth, rule);
             let has_holes = can_have && maps.have_holes();
             if has_holes && !maps.points(maps.all).tells_median(rule, rig) {
                 cell.depth = None;
@@ -492,7 +486,7 @@ mod tests {
     }
 
     #[test]
-    fn points_and_a_fifth_of_a_reference_are_scored() {
+    fn points_are_scored() {
         let shape = GridShape {
             columns: 2,
             rows: 1,
@@ -512,12 +506,6 @@ mod tests {
             let cells = known(tenth, density, TruthOrigin::Exact);
             assert_eq!(cells, [true, false]);
         }
-        let reference = |is_known| {
-            let origin = TruthOrigin::Reference("sgm".into());
-            known(is_known, MapDensity::Dense, origin)
-        };
-        assert_eq!(reference(tenth), [true, true]);
-        assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [false, false]);
         // Points on three quarters of the pixels, in three of eight parts of the left cell.
         let uneven = |x| !(15..40).contains(&x);
         let [sparse, dense] = [MapDensity::Sparse, MapDensity::Dense]
@@ -590,8 +578,6 @@ mod tests {
             unknown => unknown,
         };
         assert_eq!(holes(few, TruthOrigin::Exact), (Some(21.0), Some(true)));
-        let reference = TruthOrigin::Reference("sgm".into());
-        assert_eq!(holes(under_sky(6, 4), reference), (Some(21.0), Some(true)));
     }
 
     #[test]

@@ -105,7 +105,6 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.source.every", OF_PAIRS),
     ("description.source.from_s", OF_PAIRS),
     ("description.source.to_s", OF_PAIRS),
-    ("description.source.reference", OF_PAIRS),
     // Like limits.
     ("description.source.allow_loss", NONE),
 ];
@@ -302,10 +301,7 @@ mod tests {
         };
         let of_pairs = match kind {
             "drive" => "allow_loss = 3\n",
-            _ => {
-                "every = 2\nfrom_s = 1.0\nto_s = 9.0\nreference = [\"sgm\"]\n\
-                 allow_loss = \"1%\"\n"
-            }
+            _ => "every = 2\nfrom_s = 1.0\nto_s = 9.0\nallow_loss = \"1%\"\n",
         };
         let checkpoint = match kind {
             "drive" => "",

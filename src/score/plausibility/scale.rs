@@ -255,7 +255,6 @@ impl MeasuredScales {
             algorithms: algorithms.clone(),
         };
         let by_which = match self.origin {
-            TruthOrigin::Reference(_) => Some(Compared::Reference),
             TruthOrigin::Exact if matched.is_empty() => Some(Compared::Truth),
             TruthOrigin::Exact | TruthOrigin::Sensor(_) => None,
         };

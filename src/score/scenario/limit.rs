@@ -3,6 +3,7 @@
 use super::DistanceRange;
 use crate::judge::{AreaChoice, METRICS, Metric, MetricOrigin, MetricUnit, Minimum};
 use serde::{Deserialize, Deserializer, Serialize};
+use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result, joined};
 
 /// A limit of a metric: an entry of a scenario's `[[gate]]`.
@@ -44,6 +45,23 @@ pub struct Limit {
 pub const PRIOR: &str = "prior";
 /// The name of the distances by which cells are scored, likewise.
 pub const EXACT: &str = "exact";
+/// The name of the algorithm by which errors are estimated where there is no truth: it is in no
+/// table.
+pub const WITNESS: &str = "witness";
+
+/// The witness: v5, asked in every cell.
+///
+/// # Panics
+/// Never: svl has v5.
+pub fn witness() -> Algorithm {
+    let witness: Algorithm = "v5:confidence=0.001".parse().expect("svl has v5");
+    witness.called(WITNESS.to_owned())
+}
+
+/// True for an algorithm of that name that the witness cannot judge: it is the same matcher.
+pub fn is_of_witness(name: &str) -> bool {
+    witness().spec().name == name
+}
 
 /// Parses the name of a metric.
 fn metric<'de, D: Deserializer<'de>>(
@@ -189,6 +207,8 @@ impl Limit {
         } else if other == Some(PRIOR) && !metric.is_of_prior() {
             let own = names(Metric::is_of_prior);
             &format!("relative_to = \"prior\" belongs to {own}")
+        } else if let Some(fault) = self.unpromised() {
+            &fault
         } else if self.area.is_some() && !metric.by_area {
             &format!("area belongs to {}", names(|metric| metric.by_area))
         } else if self.range.is_some() && !has_ranges(metric) {
@@ -199,6 +219,20 @@ impl Limit {
             return None;
         };
         Some(fault.to_owned())
+    }
+
+    /// The fault of a limit on the end of an estimate that is not promised.
+    fn unpromised(&self) -> Option<String> {
+        let number = self.metric.estimated()?;
+        let (other, [end, given, cure]) = if number.is_of_right() {
+            (self.max, ["low", "max", "min"])
+        } else {
+            (self.min, ["high", "min", "max"])
+        };
+        other.map(|_| {
+            let name = self.metric.name;
+            format!("{name} is promised at its {end} end alone: give {cure}, leave {given} out")
+        })
     }
 
     /// # Errors

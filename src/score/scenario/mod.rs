@@ -19,7 +19,7 @@ mod write;
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
 pub use latency::DriveLatency;
-pub use limit::{EXACT, Limit, PRIOR};
+pub use limit::{EXACT, Limit, PRIOR, WITNESS, is_of_witness, witness};
 pub use pairs::{CropScale, PairRange};
 pub use ranges::{DistanceRange, RangeEnds};
 pub use recordings::{InputFile, InputFiles};
@@ -290,7 +290,6 @@ impl Scenario {
             grid: self.grid,
             cells: self.cells,
             checkpoints: self.checkpoints.clone(),
-            photometric: true,
             ..Judge::default()
         }
     }

@@ -143,11 +143,6 @@ pub struct SourceOptions {
     /// Take the pairs before S seconds after the first pair
     #[arg(long = "to", value_name = "S", value_parser = within(SECONDS))]
     pub to_s: Option<f64>,
-    /// Score against this algorithm where it is sure (textured, left and right consistent), not
-    /// against a ground truth; given twice, where both agree
-    #[arg(long, value_name = "ALGO", value_parser = reference)]
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub reference: Vec<String>,
     /// Exit with 0 where no more is lost: N pairs, or P per cent. Lost are images without a partner
     /// and pairs that cannot be read, of all pairs read; and of each algorithm the pairs that it
     /// fails on, of its pairs [default: 0]
@@ -177,7 +172,7 @@ pub enum ScenarioKind {
 
 /// The keys for pairs from any source.
 macro_rules! of_pairs {
-    ($($key:literal),*) => { &[$($key,)* "every", "from_s", "to_s", "reference", "allow_loss"] };
+    ($($key:literal),*) => { &[$($key,)* "every", "from_s", "to_s", "allow_loss"] };
 }
 
 impl ScenarioKind {
@@ -354,23 +349,6 @@ impl SourceOptions {
         }
     }
 
-    /// The algorithms that replace the truth.
-    ///
-    /// # Errors
-    /// The fault in one of them.
-    pub fn references(&self) -> Result<Vec<Algorithm>> {
-        let reference = |text: &String| {
-            let algorithm: Algorithm = text.parse()?;
-            match algorithm.spec().is_recorded() {
-                false => Ok(algorithm),
-                true => Err(Error::Usage(format!(
-                    "--reference {text}: what others computed is a truth: name it with --truth"
-                ))),
-            }
-        };
-        self.reference.iter().map(reference).collect()
-    }
-
     /// # Errors
     /// [`Error::Invalid`] for a key that does not apply to scenarios of its kind, and for an empty
     /// selection.
@@ -446,7 +424,6 @@ impl SourceOptions {
         }
         let checked = self.range().validate();
         let checked = checked.and_then(|()| self.window().validate());
-        let checked = checked.and_then(|()| self.references().map(drop));
         checked.map_err(|error| wrong(error.to_string()))
     }
 
@@ -458,9 +435,6 @@ impl SourceOptions {
             .calib
             .map(|calib| calib_with_paths(&calib, |path| folder.join(path)));
         self.data = self.data.map(|data| folder.join(data));
-        for algorithm in &mut self.reference {
-            *algorithm = algorithm_of(algorithm, folder);
-        }
         self
     }
 }
@@ -521,10 +495,4 @@ fn crop(text: &str) -> std::result::Result<[usize; 4], String> {
     let sides = sides.collect::<Option<Vec<usize>>>();
     let sides = sides.and_then(|sides| sides.try_into().ok());
     sides.ok_or_else(|| "expected four numbers of pixels, X,Y,WIDTH,HEIGHT".to_owned())
-}
-
-/// An algorithm with consistent parameters.
-fn reference(text: &str) -> Result<String> {
-    text.parse::<Algorithm>()?.check()?;
-    Ok(text.to_owned())
 }

@@ -36,23 +36,16 @@ impl Scenario {
         Error::Invalid(format!("scenario '{}' cannot be written: {why}", self.name))
     }
 
-    /// The options of the source, with its files, and with paths replaced. `rewritten` replaces
-    /// those of an algorithm.
-    fn source_options(
-        &self,
-        replaced: &dyn Fn(&Path) -> PathBuf,
-        rewritten: &dyn Fn(&str) -> String,
-    ) -> Result<SourceOptions> {
+    /// The options of the source, with its files, and with paths replaced.
+    fn source_options(&self, replaced: &dyn Fn(&Path) -> PathBuf) -> Result<SourceOptions> {
         let runs = self.recordings()?;
         let files = runs.iter().map(|run| replaced(&run.path));
         let options = self.options.clone();
         let calib = options.calib;
-        let reference = options.reference.iter().map(|text| rewritten(text));
         Ok(SourceOptions {
             files: files.map(|path| path.display().to_string()).collect(),
             calib: calib.map(|calib| calib_with_paths(&calib, replaced)),
             data: options.data.map(|data| replaced(&data)),
-            reference: reference.collect(),
             ..options
         })
     }
@@ -94,7 +87,7 @@ impl Scenario {
             ranges: self.ranges.clone(),
             grid: self.grid,
             cells: self.cells,
-            source: self.source_options(replaced, &rewritten)?,
+            source: self.source_options(replaced)?,
             arena: arena.map(|config| (**config).clone()),
             drive: drive.map(|drive| (**drive).clone()),
             checkpoint: self.checkpoints.clone(),
@@ -243,7 +236,6 @@ mod tests {
             crop in optional([0..99_usize, 0..99, 1..99, 1..99]),
             scale in optional(0.1..=1.0),
             range in (optional(1..1000_u64), optional((0.0..1e3, 1e3..1e9))),
-            reference in prop::collection::vec("sgm|v3:max_disparity=48", 0..3),
             allow_loss in optional("[0-9]{1,6}|[0-9]{1,2}(\\.[0-9]{1,3})?%"),
         ) -> SourceOptions {
             let (left, right) = topics.unzip();
@@ -268,7 +260,6 @@ mod tests {
                 every: range.0,
                 from_s,
                 to_s,
-                reference,
                 allow_loss: allow_loss.map(|text| text.parse().unwrap()),
                 ..SourceOptions::default()
             }

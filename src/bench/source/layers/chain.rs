@@ -7,13 +7,11 @@ use super::limited::{FirstPairs, Limited};
 use super::measured::{MeasuredSource, SourceMaps};
 use super::plausible::PlausibleSource;
 use super::rectified::{AppliedCalibration, RectifiedSource, assumed, declared};
-use super::reference::ReferenceSource;
 use super::registered::{RegisteredSource, Registration};
 use super::resized::resized;
 use super::stressed::{Perturbation, StressedSource};
 use crate::source::frames::{Source, wraps};
 use svl_core::Result;
-use svl_core::matcher::Algorithm;
 use svl_core::stereo::{Frame, Rig};
 use svl_score::scenario::{CropScale, PairRange, SourceOptions};
 
@@ -34,8 +32,7 @@ macro_rules! chain {
             /// The source in these layers.
             ///
             /// # Errors
-            /// The errors of a calibration that cannot rectify, and of a reference that cannot be
-            /// built.
+            /// The errors of a calibration that cannot rectify.
             pub fn over<'a>(self, source: Box<dyn Source + 'a>) -> Result<Box<dyn Source + 'a>> {
                 $(let source = match self.$layer {
                     None => source,
@@ -60,8 +57,7 @@ macro_rules! chain {
 // Pairs outside the range are neither decoded further nor counted, so `limit` is first. Images are
 // equal as they were read, so `distinct` comes before all that changes them. Truth and maps are of
 // rectified images of full size: `measure` and `check` follow `rectify` and `declare`
-// and precede `resize`. References match the images that the algorithms match, so they follow
-// `resize`, and `floor` divides the truth that is scored. A copy is known by the pair as it was
+// and precede `resize`. `floor` divides the truth that is scored. A copy is known by the pair as it was
 // read, which every layer keeps, so `register` comes after the layers that drop pairs and before
 // `perturb`, which needs the neighbours that are left. `take` counts the pairs that come out. The
 // user's word that raw pairs are rectified (`assume`) and the `monitor` of vertical misalignment
@@ -81,8 +77,6 @@ chain! {
     check(_all: ()), |source| PlausibleSource::new(source);
     /// Images are cropped and shrunk.
     resize(window: CropScale), |source| Mapped { source, change: resized(window) };
-    /// The truth is what these algorithms agree on.
-    reference(algorithms: Vec<Algorithm>), |source| ReferenceSource::new(source, &algorithms)?;
     /// The truth tells floor from obstacles.
     floor(told: ToldFloor), |source| FlooredSource::new(source, told);
     /// Copies of pairs of other runs are dropped.
@@ -100,21 +94,15 @@ chain! {
 
 impl Chain {
     /// The layers that options alone describe. `is_raw`: the pairs calibrate cameras.
-    ///
-    /// # Errors
-    /// The errors of [`SourceOptions::references`].
-    pub fn for_options(options: &SourceOptions, is_raw: bool) -> Result<Self> {
+    pub fn for_options(options: &SourceOptions, is_raw: bool) -> Self {
         let (range, window) = (options.range(), options.window());
-        let references = options.references()?;
-        Ok(Self {
+        Self {
             limit: (range != PairRange::default()).then_some(range),
             distinct: (!is_raw).then_some(()),
-            // References replace the truth.
-            check: (!is_raw && references.is_empty()).then_some(()),
+            check: (!is_raw).then_some(()),
             resize: (window != CropScale::default()).then_some(window),
-            reference: (!references.is_empty()).then_some(references),
             ..Self::default()
-        })
+        }
     }
 
     /// The layers of pairs that are matched now, from the lowest disparity that all algorithms
@@ -151,8 +139,7 @@ mod tests {
 
     #[test]
     fn layers_are_named_in_their_order() {
-        let words =
-            |options: &SourceOptions, is_raw| Chain::for_options(options, is_raw).unwrap().words();
+        let words = |options: &SourceOptions, is_raw| Chain::for_options(options, is_raw).words();
         assert_eq!(
             words(&SourceOptions::default(), false),
             ["distinct", "check"]
@@ -161,12 +148,11 @@ mod tests {
         let options = SourceOptions {
             scale: Some(0.5),
             every: Some(2),
-            reference: vec!["sgm".to_owned()],
             ..SourceOptions::default()
         };
         assert_eq!(
             words(&options, false),
-            ["limit", "distinct", "resize", "reference"]
+            ["limit", "distinct", "check", "resize"]
         );
         assert_eq!(Chain::for_matching(Some(0)).words(), ["assume", "monitor"]);
     }

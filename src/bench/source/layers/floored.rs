@@ -53,15 +53,16 @@ impl<'a> FlooredSource<'a> {
 
     /// The plane that is told, where it counts.
     fn plane(&self, truth: &Truth) -> Option<FloorPlane> {
-        let level = || {
-            let level = self.told.level.as_ref();
-            level.map(|level| FloorPlane::level(level.height_m))
-        };
         match truth.surface {
-            _ if self.is_named() => level(),
+            _ if self.is_named() => self.level(),
             Some(_) => None,
-            None => self.source.floor().or_else(level),
+            None => self.source.floor().or_else(|| self.level()),
         }
+    }
+
+    fn level(&self) -> Option<FloorPlane> {
+        let level = self.told.level.as_ref();
+        level.map(|level| FloorPlane::level(level.height_m))
     }
 
     /// Adds the truth of a frame to what decides.
@@ -135,6 +136,9 @@ impl Source for FlooredSource<'_> {
         };
         let rig = frame.rig().copied();
         let is_named = self.is_named();
+        let is_denied = matches!(self.seen, Some(FloorSeen::Another(_)));
+        let floor = self.source.floor().or_else(|| self.level());
+        frame.floor = floor.filter(|_| !is_denied);
         let Some(truth) = &mut frame.truth else {
             return Ok(Some(frame));
         };
@@ -146,7 +150,6 @@ impl Source for FlooredSource<'_> {
                 self.name()
             )));
         }
-        let is_denied = matches!(self.seen, Some(FloorSeen::Another(_)));
         if let Some((plane, rig)) = plane.zip(rig).filter(|_| !is_denied) {
             truth.surface = Some(plane.surfaces(&truth.disparity, &rig));
         }

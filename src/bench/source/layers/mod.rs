@@ -8,7 +8,6 @@ pub(crate) mod limited;
 pub(crate) mod measured;
 pub(crate) mod plausible;
 pub(crate) mod rectified;
-pub(crate) mod reference;
 pub(crate) mod registered;
 pub(crate) mod repeat_watch;
 pub(crate) mod resized;

@@ -86,6 +86,9 @@ pub struct RunSource {
     pub latency: Vec<TopicDelay>,
     /// Scenario and seed of the simulation that a recording is of.
     simulated: Option<String>,
+    /// True if its first frame has a truth, and if that is a raw pair.
+    pub has_truth: bool,
+    pub is_raw: bool,
     /// Width and height of the images of its first frame, pixels.
     pub size: Option<(usize, usize)>,
     start_ns: u64,
@@ -105,6 +108,11 @@ impl RunSource {
         let first = source.next();
         let stamp_ns = first.iter().flatten().map(|frame| frame.stamp_ns).next();
         Ok(Self {
+            has_truth: first.iter().flatten().any(|frame| frame.truth.is_some()),
+            is_raw: first
+                .iter()
+                .flatten()
+                .any(|frame| frame.rectified().is_err()),
             size: first.iter().flatten().map(|frame| frame.pair.size()).next(),
             start_ns: source.start_ns().or(stamp_ns).unwrap_or_default(),
             source: ReadAhead::new(source, Some(first)),

@@ -114,7 +114,7 @@ impl Opened {
         for doubt in doubts.chain(self.facts.doubts.iter().cloned()) {
             warn_of(&self.source.name(), &doubt);
         }
-        let options = Chain::for_options(&request.options, request.raw)?;
+        let options = Chain::for_options(&request.options, request.raw);
         let floor = self.told_floor(&request.options);
         let chain = Chain {
             distinct: options.distinct.filter(|()| !self.is_live),
@@ -134,8 +134,6 @@ impl Opened {
             is_named: options.camera_height_m.is_some(),
         });
         let truth = self.measured.truth.as_ref();
-        // References replace the truth.
-        let truth = truth.filter(|_| options.reference.is_empty());
         let has_floor = truth.is_some_and(MeasuredMaps::has_floor);
         (level.is_some() || has_floor).then_some(ToldFloor {
             level,

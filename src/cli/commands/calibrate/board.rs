@@ -98,7 +98,6 @@ pub(crate) const NOT_TAKEN: &[&str] = &[
     "data",
     "scenes",
     "seeds",
-    "reference",
     "allow_loss",
     "truth",
     "calib",

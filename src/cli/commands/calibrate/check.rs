@@ -42,7 +42,7 @@ pub(super) struct Args {
 /// Number of measured pairs, spread over all.
 const MEASURED_PAIRS: u64 = 20;
 
-const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "reference", "allow_loss"];
+const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "allow_loss"];
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     args.options

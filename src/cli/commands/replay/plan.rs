@@ -17,7 +17,7 @@ use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
 use svl::pass::{Matchers, run_through};
 use svl::recording::{AlgorithmCells, ImageFormat, LEFT_FRAME, ResultOptions};
-use svl::runs::{RECORDINGS, cached_run, open_recording, warn_of_own_reference};
+use svl::runs::{RECORDINGS, cached_run, open_recording};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Judged};
 use svl::sink::{
@@ -70,7 +70,6 @@ impl<'a> Plan<'a> {
         let described = described(args, &name, &algorithms)?;
         let algorithms = with_filters(algorithms, &args.filters.models()?);
         let matchers = Matchers::new(&algorithms)?;
-        warn_of_own_reference(&args.options, &algorithms)?;
         let registration = Registration {
             register: PairRegister::new(&algorithms)?,
             name: opened.source.name(),

@@ -103,7 +103,7 @@ pub(crate) struct Args {
     ///
     /// Fails when a checkpoint fails that a perfect matcher would pass. The report's folder is
     /// reports/SCENARIO-check.
-    #[arg(long, conflicts_with_all = ["algo", "gate", "reference"], help_heading = "Scoring")]
+    #[arg(long, conflicts_with_all = ["algo", "gate"], help_heading = "Scoring")]
     check: bool,
     /// Fail if a limit of the scenario's [[gate]] fails or is not measured
     #[arg(long, help_heading = "Scoring")]

@@ -145,10 +145,6 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         filters: filters.clone(),
     });
     let settings: Vec<_> = settings.collect();
-    let judge = Judge {
-        photometric: frame.truth.is_none(),
-        ..tuned.judge
-    };
     let raw = frame.rectified().is_err().then(|| {
         "its pairs are raw, and taken as rectified: --calib names a calibration".to_owned()
     });

@@ -377,10 +377,14 @@ impl Bench {
         let rows = self.rows.values().map(|[now, compared]| (now, compared));
         let (now, compared): (Vec<_>, Vec<_>) = rows.unzip();
         let changes = changes(&compared, &now, METRICS);
-        let ranked_by = [("wrong", true), ("unrivalled", false), ("coverage", false)]
-            .into_iter()
-            .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
-            .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
+        let ranked_by = [
+            ("wrong", true),
+            ("estimated_right", false),
+            ("coverage", false),
+        ]
+        .into_iter()
+        .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
+        .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
         let value = |row: &&Row| ranked_by.and_then(|(metric, _)| row.metrics.get(metric.name));
         let values = now.iter().map(|row| (row.sequence, value(row))).collect();
         let sample = &mut self.shared.0.lock().shown.sample;

@@ -70,8 +70,8 @@ const FINISHED: PlotAxis = PlotAxis::new("courses finished, %", |summary, a| {
 const COLLISIONS: PlotAxis = PlotAxis::new("collisions per 100 m", |summary, a| {
     summary.value(&a.algorithm, Metric::find("collisions")?, None)
 });
-const UNRIVALLED: PlotAxis = PlotAxis::new("unrivalled, of the cells, %", |_, a| {
-    a.totals.get("unrivalled").map(percent)
+const ESTIMATED: PlotAxis = PlotAxis::new("estimated right, of the cells, %", |_, a| {
+    a.totals.get("estimated_right").map(percent)
 });
 
 /// The plots that pages of runs with distances, disparities, courses and no truth begin with, in
@@ -97,9 +97,9 @@ const TRADE_OFFS: [TradeOff; 6] = [
         area: None,
     },
     TradeOff {
-        title: "Unrivalled cells against time",
+        title: "Estimated right cells against time",
         about: "Up and left is better.",
-        axes: [TIME, UNRIVALLED],
+        axes: [TIME, ESTIMATED],
         area: None,
     },
     TradeOff {

@@ -294,17 +294,3 @@ fn a_truth_that_denies_what_v5_knows_is_doubtful() {
         assert_eq!(doubts, Vec::<String>::new(), "{label} {cells:?}");
     }
 }
-
-#[test]
-fn a_map_is_doubtful_beside_a_reference() {
-    let reference = || TruthOrigin::Reference("v5".into());
-    let doubts = doubts_of("map", reference(), Some(0.001), [0, 60]);
-    assert!(
-        doubts[0].starts_with("the map of map is doubtful"),
-        "{doubts:?}"
-    );
-    assert!(doubts[0].contains("those of the reference"), "{doubts:?}");
-    // A reference comes from the matchers, and says nothing about them.
-    let doubts = doubts_of("v5", reference(), Some(0.5), [0, 60]);
-    assert_eq!(doubts, Vec::<String>::new());
-}

@@ -261,7 +261,7 @@ impl Tuner {
              interval:\n",
             svl::counted(self.shown.sample.frames as u64, "pair")
         );
-        let shown = ["right", "wrong", "unrivalled", "coverage", "time"];
+        let shown = ["right", "wrong", "estimated_right", "coverage", "time"];
         for (written, changes) in self.shown.tried.iter() {
             text += &format!("\n- `{written}`:");
             for metric in shown.into_iter().filter_map(Metric::find) {

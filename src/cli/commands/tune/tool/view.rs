@@ -30,7 +30,7 @@ const HEADLINE: [&str; 11] = [
     "missed",
     "false",
     "time",
-    "unrivalled",
+    "estimated_right",
     "bad2",
     "coverage",
     "known",

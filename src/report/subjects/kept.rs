@@ -1,10 +1,10 @@
-//! The cells of an algorithm that agree with others', or with its own of the unperturbed pair.
+//! The rules of a report's scenario, and the cells that perturbed pairs keep of the unperturbed.
 
 use crate::rows::records::{CellRow, Row};
 use svl_core::Result;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
-use svl_score::judge::{Checkpoint, Verdict, agreed_cells, judge_cells};
+use svl_score::judge::{Checkpoint, Verdict, judge_cells};
 use svl_score::manifest::Manifest;
 
 /// The rules of the scenario by which its frames were scored.
@@ -24,29 +24,6 @@ impl ScoreRule {
             cells: manifest.part("cells")?.unwrap_or_default(),
             checkpoints: manifest.part("checkpoint")?.unwrap_or_default(),
         })
-    }
-
-    /// Sets, without truth, the share of cells that agree with the median of the other algorithms.
-    /// `infinity_px`: the disparity of infinity by the calibration, if there is one.
-    pub(crate) fn add_agreed(&self, rows: &mut [Row], cells: &[CellRow], infinity_px: Option<f32>) {
-        for row in rows.iter_mut() {
-            row.metrics.set("agreed", None);
-        }
-        // A median needs at least two others.
-        if rows.len() < 3 || rows.iter().any(|row| row.truth.is_some()) {
-            return;
-        }
-        let grid = |row: &Row| depth_grid(row, cells, self.shape, infinity_px);
-        let grids: Vec<_> = rows.iter().map(grid).collect();
-        let rule = self.cells.for_rig(infinity_px.is_some());
-        for (i, row) in rows.iter_mut().enumerate() {
-            let others = grids.iter().enumerate().filter(|(j, _)| *j != i);
-            let others: Vec<_> = others.filter_map(|(_, grid)| grid.as_ref()).collect();
-            if let Some(own) = &grids[i] {
-                let agreed = agreed_cells(own, &others, rule) as f64 / self.shape.cells() as f64;
-                row.metrics.set("agreed", Some(agreed));
-            }
-        }
     }
 
     /// Sets the numbers of cells that perturbed pairs keep of the unperturbed ones, whose cells are
