@@ -38,7 +38,6 @@ mod own_data;
 mod prior;
 mod record;
 mod rectify;
-mod reference;
 mod replay;
 mod reproduce;
 mod results;
