@@ -74,6 +74,18 @@ impl Board {
     }
 }
 
+impl std::str::FromStr for Board {
+    type Err = Error;
+
+    /// From its inner corners along both sides, as `9x6`.
+    fn from_str(text: &str) -> Result<Self> {
+        let sides = text.split_once('x');
+        let sides = sides.and_then(|(long, short)| Some((long.parse().ok()?, short.parse().ok()?)));
+        let expected = || format!("'{text}': expected inner corners as 9x6");
+        Self::new(sides.ok_or_else(|| Error::Invalid(expected()))?, None)
+    }
+}
+
 /// The corners of one board in both images of a pair, in the order of [`Board::corners`], pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StereoView {

@@ -46,5 +46,5 @@ pub use crate::subjects::reliability::{
 };
 pub use crate::subjects::sources::Sources;
 pub use crate::subjects::stress::StressSummary;
-pub use crate::subjects::witness::{EstimateRow, FloorRays};
+pub use crate::subjects::witness::{ComparedPair, EstimateRow, FloorRays, WitnessTally, wrong};
 pub use crate::units::shots;

@@ -1,5 +1,6 @@
 //! A source of frames.
 
+use crate::source::layers::board_truth::BoardPlane;
 use std::ops::RangeInclusive;
 use svl_core::Result;
 use svl_core::rectify::RectificationMeter;
@@ -88,6 +89,11 @@ pub trait Source: Send {
     /// frame.
     fn floor(&self) -> Option<FloorPlane> {
         self.wrapped()?.floor()
+    }
+
+    /// The board that the last frame shows, where one is the truth.
+    fn board(&self) -> Option<&BoardPlane> {
+        self.wrapped()?.board()
     }
 
     /// True if the truth shows the floor that is told; none if none is told, and before that is

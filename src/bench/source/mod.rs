@@ -18,6 +18,7 @@ pub use inputs::folder::source::FolderSource;
 pub use inputs::recording::RecordingSource;
 pub use inputs::video::source::VideoSource;
 pub use layers::alignment_monitor::{AlignmentMonitor, PairAlignment, only_pair};
+pub use layers::board_truth::{BoardScale, RigScale};
 pub use layers::chain::Chain;
 pub use layers::distinct::OnePicture;
 pub use layers::limited::FirstPairs;

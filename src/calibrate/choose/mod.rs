@@ -5,6 +5,7 @@ mod coverage;
 mod pose;
 
 pub use coverage::MissingCoverage;
+pub use pose::outline;
 
 use super::detect::{Detection, Edge, Sighting};
 use super::{Board, StereoView};
@@ -155,10 +156,7 @@ impl Chooser {
                 Err(Refusal::Blurred(side))
             }
             Detection::Whole(sighting) => Ok(sighting),
-            Detection::Other { corners } => Err(Refusal::OtherBoard(side, *corners)),
-            Detection::Part { beyond: Some(edge) } => Err(Refusal::CutOff(side, *edge)),
-            Detection::Part { beyond: None } => Err(Refusal::Hidden(side)),
-            Detection::Nothing => Err(Refusal::NoBoard(side)),
+            other => Err(Refusal::from_detection(side, other).unwrap_or(Refusal::NoBoard(side))),
         }
     }
 
@@ -174,6 +172,19 @@ impl Chooser {
 
     fn limit(&self, (pixels, widths): (f64, f64)) -> f64 {
         pixels.max(widths * self.size.0 as f64)
+    }
+}
+
+impl Refusal {
+    /// Why an image does not show the complete board; `None` if it does.
+    pub fn from_detection(side: Side, seen: &Detection) -> Option<Self> {
+        match seen {
+            Detection::Whole(_) => None,
+            Detection::Other { corners } => Some(Self::OtherBoard(side, *corners)),
+            Detection::Part { beyond: Some(edge) } => Some(Self::CutOff(side, *edge)),
+            Detection::Part { beyond: None } => Some(Self::Hidden(side)),
+            Detection::Nothing => Some(Self::NoBoard(side)),
+        }
     }
 }
 

@@ -72,6 +72,31 @@ impl RoughPose {
     }
 }
 
+/// The corners of a board's outline, in turn, that many squares beyond its outer inner corners;
+/// `None` if they are degenerate.
+pub fn outline(board: &Board, corners: &[Point2<f64>], beyond: f64) -> Option<[Point2<f64>; 4]> {
+    let (columns, rows) = (board.columns(), board.rows());
+    let at = |i: usize| corners.get(i).map(|corner| corner.coords);
+    let quad = [
+        at(0)?,
+        at(columns - 1)?,
+        at(columns * rows - 1)?,
+        at(columns * (rows - 1))?,
+    ];
+    let [along, down, first] = homography(quad)?;
+    let [right, below] = [columns, rows].map(|side| beyond / (side - 1) as f64);
+    let ends = [
+        (-right, -below),
+        (1.0 + right, -below),
+        (1.0 + right, 1.0 + below),
+        (-right, 1.0 + below),
+    ];
+    Some(ends.map(|(x, y)| {
+        let point = x * along + y * down + first;
+        Point2::from(point.xy() / point.z)
+    }))
+}
+
 /// Columns of the homography from the unit square to four points, in its order (Heckbert,
 /// Fundamentals of texture mapping and image warping, 1989, section 2.2.3).
 fn homography([p0, p1, p2, p3]: [Vector2<f64>; 4]) -> Option<[Vector3<f64>; 3]> {

@@ -1,7 +1,8 @@
 //! Frames and estimates: the data that flow from a source through the matchers into the sinks.
 
 use super::{
-    DepthGrid, DisparityMap, PairId, Plane, RectifiedPair, Rgb, Rig, StereoCalibration, StereoPair,
+    DepthGrid, DisparityMap, FloorPlane, PairId, Plane, RectifiedPair, Rgb, Rig, StereoCalibration,
+    StereoPair,
 };
 use crate::error::{Error, Result};
 use crate::timing::StageTimes;
@@ -227,13 +228,10 @@ impl Truth {
         hasher.digest128()
     }
 
-    /// The truth of another sensor, named after its topic or files.
-    pub fn from_sensor(disparity: Plane<f32>, density: MapDensity, name: &str) -> Self {
+    /// A truth that was measured.
+    pub fn measured(disparity: Plane<f32>, density: MapDensity, origin: TruthOrigin) -> Self {
         Self {
-            kind: TruthKind {
-                density,
-                origin: TruthOrigin::Sensor(name.to_owned()),
-            },
+            kind: TruthKind { density, origin },
             ..Self::exact(disparity, None)
         }
     }
@@ -261,7 +259,7 @@ pub enum MapDensity {
     Sparse,
 }
 
-/// Origin of the true disparities. Written as `exact` or `sensor TOPIC`.
+/// Origin of the true disparities. Written as `exact`, `sensor TOPIC` or `board 9x6`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum TruthOrigin {
@@ -270,6 +268,8 @@ pub enum TruthOrigin {
     Exact,
     /// Another sensor: its topic.
     Sensor(String),
+    /// A printed board in view: its inner corners along both sides.
+    Board(String),
 }
 
 impl TruthOrigin {
@@ -278,6 +278,7 @@ impl TruthOrigin {
         match self {
             Self::Exact => None,
             Self::Sensor(topic) => Some(format!("against the sensor {topic}")),
+            Self::Board(size) => Some(format!("against a board of {size} corners, on it alone")),
         }
     }
 }
@@ -287,6 +288,7 @@ impl std::fmt::Display for TruthOrigin {
         match self {
             Self::Exact => f.write_str("exact"),
             Self::Sensor(topic) => write!(f, "sensor {topic}"),
+            Self::Board(size) => write!(f, "board {size}"),
         }
     }
 }
@@ -304,6 +306,7 @@ impl TryFrom<String> for TruthOrigin {
         match text.split_once(' ') {
             None if text == "exact" => Ok(Self::Exact),
             Some(("sensor", topic)) => Ok(Self::Sensor(topic.to_owned())),
+            Some(("board", size)) => Ok(Self::Board(size.to_owned())),
             _ => Err(format!("'{text}' is not an origin of a truth")),
         }
     }

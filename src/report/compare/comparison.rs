@@ -6,7 +6,7 @@ use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
 use crate::compare::courses::is_alike;
 use crate::results::change::{
-    Change, Changes, CheckpointName, Judgement, NotMeasured, decide, deciding,
+    Change, Changes, CheckpointName, Judgement, NotMeasured, decide, deciding, estimated_changes,
 };
 use crate::rows::records::Row;
 use crate::rows::samples::{paired, runs, sample_in};
@@ -323,7 +323,8 @@ impl AlgorithmChange {
             measured: mut metrics,
             not_measured,
         } = Changes::over([&a, &b], errors.as_ref(), base.area, &runs, METRICS);
-        metrics.extend(estimated_changes(join.runs, own.labels));
+        let estimates = [0, 1].map(|side| join.runs[side].estimate(own.labels[side]));
+        metrics.extend(estimated_changes(estimates));
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
@@ -430,27 +431,6 @@ fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<C
         })
     };
     base.into_iter().filter_map(change).collect()
-}
-
-/// The changes of estimated errors, of which no test tells if they are chance.
-fn estimated_changes(runs: [&ScoredRun; 2], labels: [&str; 2]) -> Vec<Change> {
-    let change = |metric: &'static Metric| {
-        let number = metric.estimated()?;
-        let own = [0, 1].map(|side: usize| {
-            let mut rows = runs[side].estimates.iter();
-            let area = runs[side].area;
-            let row = rows.find(|row| row.algorithm == labels[side] && row.area == area);
-            row.and_then(|row| row.about(number))
-        });
-        let (base, other) = own[0].zip(own[1])?;
-        let (values, cases) = ([base.value, other.value], [base.cases, other.cases]);
-        Some(Change {
-            cases: Some(cases),
-            judgement: Judgement::Unjudged,
-            ..Change::new(metric, values, values[1] - values[0], None)
-        })
-    };
-    METRICS.iter().filter_map(change).collect()
 }
 
 /// True for times of two reports, each of one machine, and within a report only where one session

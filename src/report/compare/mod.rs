@@ -10,7 +10,9 @@ pub(crate) mod scored_run;
 pub(crate) mod text;
 pub(crate) mod trend;
 
-pub use crate::results::change::{Change, CheckpointName, Judgement, NotMeasured, changes};
+pub use crate::results::change::{
+    Change, CheckpointName, Judgement, NotMeasured, changes, estimated_changes,
+};
 pub use comparison::{AlgorithmChange, Comparison, Conclusion};
 pub use frames::{FindLeft, FrameCounts};
 pub use join::Join;

@@ -29,7 +29,7 @@ pub struct ScoredRun {
     references: Vec<Row>,
     /// Errors by distance; those of pixels are of all pairs.
     accuracy: Vec<AccuracyRow>,
-    pub(super) estimates: Vec<EstimateRow>,
+    estimates: Vec<EstimateRow>,
     pub(super) failures: Vec<FailureRow>,
     checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
@@ -150,6 +150,12 @@ impl ScoredRun {
     pub(super) fn reference(&self, name: &str) -> Vec<&Row> {
         let rows = self.references.iter();
         rows.filter(|row| row.algorithm == name).collect()
+    }
+
+    /// The estimated errors of an algorithm in the area.
+    pub(super) fn estimate(&self, label: &str) -> Option<&EstimateRow> {
+        let mut rows = self.estimates.iter();
+        rows.find(|row| row.algorithm == label && row.area == self.area)
     }
 
     pub(super) fn labels(&self) -> Vec<&str> {

@@ -4,6 +4,7 @@
 use crate::rows::records::{MetricTotals, Row};
 use crate::rows::samples::{runs, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
+use crate::subjects::witness::EstimateRow;
 use serde::Serialize;
 use svl_score::bootstrap::{Interval, RunLengths, Sample};
 use svl_score::holm;
@@ -79,6 +80,26 @@ pub fn changes(
     let runs = runs(base);
     let area = area.unwrap_or_default();
     Changes::over([base, other], None, area, &runs, metrics).measured
+}
+
+/// The changes of estimated errors, of which no test tells if they are chance.
+pub fn estimated_changes(both: [Option<&EstimateRow>; 2]) -> Vec<Change> {
+    let change = |metric: &'static Metric| {
+        let number = metric.estimated()?;
+        let [base, other] = both.map(|own| own?.about(number));
+        let (base, other) = base.zip(other)?;
+        Some(Change {
+            cases: Some([base.cases, other.cases]),
+            judgement: Judgement::Unjudged,
+            ..Change::new(
+                metric,
+                [base.value, other.value],
+                other.value - base.value,
+                None,
+            )
+        })
+    };
+    METRICS.iter().filter_map(change).collect()
 }
 
 /// The verdict between two algorithms over the same pairs: the [`changes`] of the metrics that

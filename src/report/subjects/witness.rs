@@ -249,7 +249,8 @@ fn shares(classes: &[ClassSums]) -> [f64; 3] {
 }
 
 /// The probability that a report is wrong which is that many tolerances from the witness.
-fn wrong(probability: f64, difference: f64) -> f64 {
+#[doc(hidden)]
+pub fn wrong(probability: f64, difference: f64) -> f64 {
     let row = PROBABILITIES.partition_point(|end| *end <= probability);
     WRONG[row][DIFFERENCES.partition_point(|end| *end <= difference)]
 }
@@ -292,7 +293,7 @@ struct AlgorithmSums {
 }
 
 /// Compares the cells of a report with those of the witness, pair by pair.
-pub(crate) struct WitnessTally {
+pub struct WitnessTally {
     rule: CellRule,
     algorithms: BTreeMap<String, AlgorithmSums>,
     /// Stamps of the first and the last pair of the run, and the number of its pairs.
@@ -304,7 +305,7 @@ pub(crate) struct WitnessTally {
 }
 
 impl WitnessTally {
-    pub(crate) fn new(rule: CellRule) -> Self {
+    pub fn new(rule: CellRule) -> Self {
         Self {
             rule,
             algorithms: BTreeMap::new(),
@@ -316,7 +317,7 @@ impl WitnessTally {
     }
 
     /// Adds the cells of a pair and those of the witness, none where it failed.
-    pub(crate) fn add(&mut self, pair: &ComparedPair, cells: &[CellRow], witness: &[CellRow]) {
+    pub fn add(&mut self, pair: &ComparedPair, cells: &[CellRow], witness: &[CellRow]) {
         self.seen += 1;
         self.failed += u64::from(witness.is_empty());
         if let Some(stamp_ns) = pair.stamp_ns {
@@ -359,7 +360,7 @@ impl WitnessTally {
     }
 
     /// A run is over.
-    pub(crate) fn end_run(&mut self) {
+    pub fn end_run(&mut self) {
         let seconds = |[first, last]: [u64; 2]| last.saturating_sub(first) as f64 / 1e9;
         let seconds = self.stamps_ns.take().map(seconds);
         let gaps = std::mem::take(&mut self.pairs).saturating_sub(1) as f64;
@@ -371,9 +372,17 @@ impl WitnessTally {
             .for_each(|own| own.end_run(rate));
     }
 
+    /// The estimated right cells of an algorithm, of all of the headline's area, however few.
+    pub fn right(&self, label: &str) -> Option<f64> {
+        let own = self.algorithms.get(label)?.areas[AreaChoice::default() as usize];
+        let [about, ..] = shares(&own.classes);
+        let right = own.known as f64 / own.cells as f64 * (1.0 - about);
+        Some(right).filter(|right| right.is_finite())
+    }
+
     /// The rows of the algorithms with these labels, by area; none without a witness. `why`: why an
     /// algorithm has none, whatever its cells.
-    pub(crate) fn into_rows<'a>(
+    pub fn into_rows<'a>(
         self,
         labels: impl IntoIterator<Item = &'a str>,
         why: impl Fn(&str) -> Option<String>,
@@ -398,12 +407,12 @@ impl WitnessTally {
 }
 
 /// A pair whose cells are compared.
-pub(crate) struct ComparedPair {
+pub struct ComparedPair {
     /// Its time; none of a scene, which follows no other.
-    pub(crate) stamp_ns: Option<u64>,
+    pub stamp_ns: Option<u64>,
     /// Disparity of infinity by its calibration, pixels; `None` without one.
-    pub(crate) infinity_px: Option<f32>,
-    pub(crate) floor: Option<FloorRays>,
+    pub infinity_px: Option<f32>,
+    pub floor: Option<FloorRays>,
 }
 
 /// The floor along the rays through the cells of a pair.
@@ -510,5 +519,143 @@ impl AreaSums {
             absent,
             ..EstimateRow::default()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::CellRule;
+
+    const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
+
+    /// A cell that reports a disparity, or nothing, with a probability.
+    fn cell(label: &str, column: u32, px: Option<f64>, probability: Option<f64>) -> CellRow {
+        CellRow {
+            algorithm: label.to_owned(),
+            column,
+            median_px: px,
+            state: Some(match px {
+                Some(0.0) => CellState::Far,
+                Some(_) => CellState::Known,
+                None => CellState::Unknown,
+            }),
+            probability,
+            ..CellRow::default()
+        }
+    }
+
+    /// 200 cells, of which the first are some tolerances off; the witness is that sure.
+    fn tallied(off: &[(u32, f64)], probability: f64) -> EstimateRow {
+        let mut tally = WitnessTally::new(RULE);
+        let pair = ComparedPair {
+            stamp_ns: None,
+            infinity_px: None,
+            floor: None,
+        };
+        let tolerances = |column: u32| {
+            let mut end = 0;
+            let own = off.iter().find(|(cells, _)| {
+                end += cells;
+                column < end
+            });
+            own.map_or(0.0, |own| own.1)
+        };
+        let own = |column| cell("a", column, Some(20.0 + 2.0 * tolerances(column)), None);
+        let own: Vec<_> = (0..200).map(own).collect();
+        let seen = |column| cell("", column, Some(20.0), Some(probability));
+        let seen: Vec<_> = (0..200).map(seen).collect();
+        tally.add(&pair, &own, &seen);
+        tally.end_run();
+        tally.into_rows(["a"], |_| None).swap_remove(0)
+    }
+
+    #[test]
+    fn a_report_is_as_doubtful_as_the_witness_says() {
+        for (probability, difference, expected) in [
+            (0.0, 0.0, 0.57),
+            (0.5, 0.3, 0.59),
+            (0.89, 1.59, 0.76),
+            (0.9, 1.6, 0.99),
+            (0.989, 0.29, 0.0),
+            (1.0, 9.0, 1.0),
+        ] {
+            assert_eq!(
+                wrong(probability, difference),
+                expected,
+                "{probability} {difference}"
+            );
+        }
+        for row in WRONG {
+            assert!(row.is_sorted(), "{row:?}");
+        }
+    }
+
+    #[test]
+    fn sums_by_hand() {
+        // 20 of 200 cells contradict a witness that is wrong in 0.01 of its own.
+        let row = tallied(&[(20, 5.0)], 0.99);
+        let doubt = 200.0 * 0.01;
+        let chance = 0.6 * doubt + 2.0 * f64::sqrt(doubt);
+        assert!((row.estimated_wrong.unwrap() - 0.1).abs() < 1e-9, "{row:?}");
+        let high = (20.0 + chance) / 200.0;
+        assert!(
+            (row.estimated_wrong_high.unwrap() - high).abs() < 1e-9,
+            "{row:?}"
+        );
+        // It may be wrong itself in 2 cells, less those that it contradicts rightly.
+        let allowed = 2.0 * (1.0 - 18.0 / 198.0);
+        let surely = 20.0 - allowed - 2.0 * f64::sqrt(allowed);
+        let low = (20.0 - chance).min(surely) / 200.0;
+        assert!(
+            (row.estimated_wrong_low.unwrap() - low).abs() < 1e-9,
+            "{row:?}"
+        );
+        assert!((row.estimated_right_low.unwrap() - (1.0 - high)).abs() < 1e-9);
+        assert_eq!(
+            (row.sure_cells, row.sure_contradicted, row.other_cells),
+            (200, 20, 0)
+        );
+        // An algorithm that errs as the witness expects of itself may be perfect.
+        let perfect = tallied(&[(2, 5.0)], 0.99);
+        assert_eq!(perfect.estimated_wrong_low, Some(0.0));
+        assert!(perfect.estimated_wrong_high > Some(0.01));
+    }
+
+    #[test]
+    fn a_witness_that_is_not_sure_says_nothing() {
+        let row = tallied(&[], 0.89);
+        assert_eq!(row.estimated_wrong.or(row.estimated_sure_wrong), None);
+        let words = row.words();
+        assert!(
+            words.contains("nothing: v5 is sure in 0 % of its known cells"),
+            "{words}"
+        );
+    }
+
+    #[test]
+    fn far_cells_agree_up_to_the_tolerance_of_far_ones() {
+        let between = |own: Option<f64>, seen: f64| {
+            let [own, seen] = [own, Some(seen)].map(|px| cell("", 0, px, None));
+            difference(&own, &seen, RULE, 0.0)
+        };
+        assert_eq!(between(Some(0.0), 0.0), Some(0.0));
+        assert_eq!(between(Some(0.0), 3.0), Some(1.5));
+        assert_eq!(between(Some(3.0), 0.0), Some(1.5));
+        assert_eq!(between(Some(3.0), 4.0), Some(0.5));
+        assert_eq!(between(None, 4.0), None);
+    }
+
+    #[test]
+    fn another_scale_is_a_caution() {
+        let mut row = tallied(&[], 0.99);
+        assert_eq!(row.caution(), None);
+        row.scale = Some(1.12);
+        assert!(
+            row.caution()
+                .is_some_and(|words| words.contains("12 % greater than v5's"))
+        );
+        row.scale = Some(0.96);
+        assert_eq!(row.caution(), None);
     }
 }

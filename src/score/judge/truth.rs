@@ -14,7 +14,6 @@ use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::stereo::{
     Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, MapDensity, Plane, Rig, Surface, Truth,
-    TruthOrigin,
 };
 
 /// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
@@ -436,6 +435,7 @@ fn share(values: &[f32], is: impl Fn(f32) -> bool) -> f64 {
 mod tests {
     use super::*;
     use crate::judge::{AreaChoice, CellTally};
+    use svl_core::stereo::TruthOrigin;
     use svl_core::stereo::{Geometry, Gray, StereoPair, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };

@@ -321,7 +321,11 @@ mod tests {
         let rig = has_rig.then(|| Rig::new(50.0, (20.0, 12.0), 0.1, 0.0).unwrap());
         let disparity = Plane::from_vec(width, height, values).unwrap();
         Frame {
-            truth: Some(Truth::from_sensor(disparity, MapDensity::Dense, "d/*.png")),
+            truth: Some(Truth::measured(
+                disparity,
+                MapDensity::Dense,
+                TruthOrigin::Sensor("d/*.png".to_owned()),
+            )),
             ..Frame::new(
                 StereoPair::new(image.clone(), image).unwrap(),
                 Geometry::Rectified(rig),

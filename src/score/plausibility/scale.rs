@@ -256,7 +256,7 @@ impl MeasuredScales {
         };
         let by_which = match self.origin {
             TruthOrigin::Exact if matched.is_empty() => Some(Compared::Truth),
-            TruthOrigin::Exact | TruthOrigin::Sensor(_) => None,
+            TruthOrigin::Exact | TruthOrigin::Sensor(_) | TruthOrigin::Board(_) => None,
         };
         let by_others = Some(by(others)).filter(|_| by_which.is_none());
         let is_sensor = matches!(self.origin, TruthOrigin::Sensor(_));

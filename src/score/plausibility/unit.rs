@@ -93,7 +93,7 @@ pub(super) fn unit_cure(origin: &TruthOrigin, factor: f64) -> UnitCure {
                 None => UnitOption::Distances { factor },
             }
         }
-        TruthOrigin::Exact => UnitOption::Disparities { factor },
+        TruthOrigin::Exact | TruthOrigin::Board(_) => UnitOption::Disparities { factor },
     };
     UnitCure { factor, option }
 }
@@ -132,7 +132,7 @@ pub(super) fn likely(
             let unit = split_unit(name).ok().and_then(|(_, unit)| unit);
             !matches!(unit, Some(TruthUnit::Disparity(_)))
         }
-        TruthOrigin::Exact => false,
+        TruthOrigin::Exact | TruthOrigin::Board(_) => false,
     };
     let factors = if has_depths {
         [1000.0, 5000.0, 256.0, 100.0, 1e6]

@@ -207,8 +207,8 @@ impl Limit {
         } else if other == Some(PRIOR) && !metric.is_of_prior() {
             let own = names(Metric::is_of_prior);
             &format!("relative_to = \"prior\" belongs to {own}")
-        } else if let Some(fault) = self.unpromised() {
-            &fault
+        } else if let Some(end) = self.unpromised() {
+            end
         } else if self.area.is_some() && !metric.by_area {
             &format!("area belongs to {}", names(|metric| metric.by_area))
         } else if self.range.is_some() && !has_ranges(metric) {
@@ -222,17 +222,14 @@ impl Limit {
     }
 
     /// The fault of a limit on the end of an estimate that is not promised.
-    fn unpromised(&self) -> Option<String> {
-        let number = self.metric.estimated()?;
-        let (other, [end, given, cure]) = if number.is_of_right() {
-            (self.max, ["low", "max", "min"])
+    fn unpromised(&self) -> Option<&'static str> {
+        if self.metric.estimated()?.is_of_right() {
+            let fault = "estimated_right is promised at its low end alone: give min, not max";
+            self.max.map(|_| fault)
         } else {
-            (self.min, ["high", "min", "max"])
-        };
-        other.map(|_| {
-            let name = self.metric.name;
-            format!("{name} is promised at its {end} end alone: give {cure}, leave {given} out")
-        })
+            let fault = "wrong cells are promised at their high end alone: give max, not min";
+            self.min.map(|_| fault)
+        }
     }
 
     /// # Errors

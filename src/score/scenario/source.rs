@@ -9,7 +9,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use svl_core::matcher::{Algorithm, with_paths};
+use svl_core::matcher::with_paths;
 use svl_core::stereo::FloorPlane;
 use svl_core::{Error, Result, joined};
 use svl_files::SideBySide;

@@ -52,7 +52,7 @@ fn a_printed_scenario_repeats_the_run_of_each_kind_of_source() {
     for command in [
         "short.toml --algo v3 --algo fast=bm:max_disparity=48 --seeds 4,5 --every 2",
         "run.mcap --algo v3 --from 0.02 --crop 40,20,240,200 --scale 0.5",
-        "run.mcap --algo v3 --reference sgm --stress gain=0.5",
+        "run.mcap --algo v3 --camera-height 0.3 --stress gain=0.5",
     ] {
         repeats(&fixture, command);
     }
@@ -82,7 +82,7 @@ fn runs_of_other_options_are_not_mixed() {
     let score = "score run.mcap --algo v3 -q -o one --rerun none";
     fixture.run(score);
     let first = seals();
-    for options in ["--every 2", "--reference sgm"] {
+    for options in ["--every 2", "--scale 0.5"] {
         fixture.run(&format!("{score} {options}"));
         assert!(seals().len() == 1 && seals() != first, "{options}");
     }
@@ -93,8 +93,8 @@ fn runs_of_other_options_are_not_mixed() {
     // Shards with other options are not parts of one run.
     fixture.transcript(
         "score run.mcap --algo v3 --shard 1/2 -o part1 --rerun none
-        score run.mcap --algo v3 --shard 2/2 -o part2 --reference sgm --rerun none
-        report part1 part2 -o whole => 1: part2 | not of the same run | source.reference
+        score run.mcap --algo v3 --shard 2/2 -o part2 --scale 0.5 --rerun none
+        report part1 part2 -o whole => 1: part2 | not of the same run | source.scale
         score run.mcap --algo v3 --every 2 -o two --rerun none
         compare one two => 3 pairs, 3 with equal results | in one report alone",
     );
@@ -169,7 +169,6 @@ fn options_as_words_are_read_as_they_were() {
         right_offset_ms: Some(-2.0),
         camera_height_m: Some(0.2),
         crop: Some([0, 40, 640, 400]),
-        reference: vec!["v3:max_disparity=64".to_owned(), "sgm".to_owned()],
         ..SourceOptions::default()
     };
     let all = SourceOptions {

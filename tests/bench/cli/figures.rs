@@ -54,18 +54,18 @@ fn every_plot_of_the_page_is_a_file() {
     fixture.run(&format!("{SCORE} -o r --figures out/figures"));
     let names = figures(&fixture, "out/figures");
     let expected = [
+        "estimated-right-cells-against-time.svg",
         "fraction-of-each-stage.svg",
         "latency.svg",
         "noise-changed.svg",
         "noise-gone.svg",
         "noise-same.svg",
         "time-by-stage.svg",
-        "unrivalled-cells-against-time.svg",
     ];
     assert_eq!(names, expected);
     let page = fixture.text("r/index.html");
     assert_eq!(page.matches("<svg class=\"plot\"").count(), names.len());
-    let plot = fixture.text("out/figures/unrivalled-cells-against-time.svg");
+    let plot = fixture.text("out/figures/estimated-right-cells-against-time.svg");
     // Points of equal times share a title.
     assert_says(&plot, &["bm:max_disparity=8", "\nmedian ms per pair: "]);
 

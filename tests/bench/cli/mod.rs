@@ -17,6 +17,7 @@ mod cures;
 mod datasets;
 mod description;
 mod drive;
+mod estimates;
 mod eval;
 mod exec;
 mod figures;

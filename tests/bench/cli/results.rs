@@ -366,19 +366,6 @@ const CASES: &[Case] = &[
         code: 0,
     },
     Case {
-        name: "a program that is the truth",
-        prepare: |fixture| {
-            write_pairs(fixture, "p");
-            write_program(fixture, SIZE);
-        },
-        line: "score p --algo bm:max_disparity=8 --reference exec:command=./answers.sh",
-        history: |fixture, line| {
-            fixture.run(&format!("{line} -o r"));
-            fixture.write("answer", 5_f32.to_le_bytes().repeat(SIZE.0 * SIZE.1));
-        },
-        code: 0,
-    },
-    Case {
         name: "a program at the wheel",
         prepare: |fixture| {
             fixture.write("small.toml", super::drive::courses(""));

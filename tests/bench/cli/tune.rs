@@ -201,7 +201,7 @@ fn other_sources_can_be_tuned_on() {
         "wait screen q",
     )
     .done();
-    assert_says(&text, &["unrivalled", "coverage", "tolerance_px"]);
+    assert_says(&text, &["estimated right", "coverage", "tolerance_px"]);
     assert!(!text.contains("right  "), "{text}");
 }
 

@@ -94,8 +94,7 @@ fn colours_of_svl_remain_on_a_terminal() {
     let fixture = Fixture::new();
     write(&fixture);
     let svl = assert_cmd::cargo::cargo_bin!("svl").display();
-    let command =
-        format!("TERM=xterm {svl} replay bag.mcap --algo v3 --reference sgm; {svl} info bag.mcap");
+    let command = format!("TERM=xterm {svl} replay bag.mcap --algo v3; {svl} info bag.mcap");
     let mut ran = Command::new("script");
     ran.args(["-qec", &command, "/dev/null"]);
     let ran = ran.current_dir(fixture.path("")).output().unwrap();

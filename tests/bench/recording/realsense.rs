@@ -84,7 +84,9 @@ fn with_truth(path: &Path, topic: &str) -> Vec<Frame> {
     let mut frames = Vec::new();
     while let Some(mut frame) = reader.next_pair().unwrap() {
         let found = truth.measured(&frame).unwrap();
-        frame.truth = found.map(|(map, density)| Truth::from_sensor(map, density, topic));
+        frame.truth = found.map(|(map, density)| {
+            Truth::measured(map, density, TruthOrigin::Sensor(topic.to_owned()))
+        });
         frames.push(frame);
     }
     frames

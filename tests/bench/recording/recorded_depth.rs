@@ -321,7 +321,6 @@ fn a_map_that_is_none_is_one_line() {
         score bag.mcap --truth /depth --algo z=topic:/depth => 2: is the truth, too
         score bag.mcap --algo z=topic:/depth,skew=3 => 2: skew_ms
         score arena --algo z=topic:/depth => 2: topic:/depth | the arena has not
-        score bag.mcap --reference topic:/depth => 2: name it with --truth
         score bag.mcap --algo z=files:'out.pfm' => 2: one * for the pair's name
         score bag.mcap --algo z=files:'no/*.pfm' => 1: files:'no/*.pfm' | no such file
         match a.png b.png --algo z=topic:/depth -o o.pfm => 2: matches no images

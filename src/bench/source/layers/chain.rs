@@ -1,6 +1,7 @@
 //! The layers around a source, in their one order.
 
 use super::alignment_monitor::AlignmentMonitor;
+use super::board_truth::{BoardFinder, BoardSightings};
 use super::distinct::DistinctSource;
 use super::floored::{FlooredSource, ToldFloor};
 use super::limited::{FirstPairs, Limited};
@@ -55,7 +56,8 @@ macro_rules! chain {
 }
 
 // Pairs outside the range are neither decoded further nor counted, so `limit` is first. Images are
-// equal as they were read, so `distinct` comes before all that changes them. Truth and maps are of
+// equal as they were read, so `distinct` comes before all that changes them, and so does `sight`:
+// rectification crops boards. Truth and maps are of
 // rectified images of full size: `measure` and `check` follow `rectify` and `declare`
 // and precede `resize`. `floor` divides the truth that is scored. A copy is known by the pair as it was
 // read, which every layer keeps, so `register` comes after the layers that drop pairs and before
@@ -67,6 +69,8 @@ chain! {
     limit(range: PairRange), |source| Limited::new(source, range, None);
     /// One picture twice is refused.
     distinct(_all: ()), |source| DistinctSource::new(source);
+    /// A board is searched for that is the truth.
+    sight(finder: BoardFinder), |source| BoardSightings::new(source, finder);
     /// Raw pairs are rectified.
     rectify(by: AppliedCalibration), |source| RectifiedSource::new(source, by)?;
     /// Raw pairs are rectified ones of that rig.

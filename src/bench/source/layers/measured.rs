@@ -1,10 +1,13 @@
 //! Pairs with distances that another sensor or program measured, of their recording or of files.
 
+use super::board_truth::{BoardPlane, BoardTruth};
 use crate::source::frames::{Source, wraps};
 use crate::source::inputs::folder::map_files::MapFiles;
 use svl_core::matcher::{MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
-use svl_core::stereo::{FloorPlane, Frame, MapDensity, Plane, RecordedMap, Surface, Truth};
+use svl_core::stereo::{
+    FloorPlane, Frame, MapDensity, Plane, RecordedMap, Surface, Truth, TruthOrigin,
+};
 use svl_core::{Error, Result};
 use svl_recording::{Reader, SensorRole, SensorSelection, SensorTopic};
 use svl_report::TopicDelay;
@@ -14,6 +17,8 @@ use svl_score::losses::Losses;
 pub enum MeasuredMaps {
     Topic(Box<SensorTopic>),
     Files(Box<MapFiles>),
+    /// A printed board in view.
+    Board(Box<BoardTruth>),
 }
 
 impl MeasuredMaps {
@@ -22,6 +27,10 @@ impl MeasuredMaps {
         match self {
             Self::Topic(topic) => topic.measured(frame),
             Self::Files(files) => files.measured(frame),
+            Self::Board(board) => {
+                let found = board.measured(frame)?;
+                Ok(found.map(|disparity| (disparity, MapDensity::Sparse)))
+            }
         }
     }
 
@@ -29,7 +38,7 @@ impl MeasuredMaps {
     fn floor(&self, frame: &Frame) -> Option<FloorPlane> {
         match self {
             Self::Topic(topic) => topic.floor(frame),
-            Self::Files(_) => None,
+            Self::Files(_) | Self::Board(_) => None,
         }
     }
 
@@ -41,7 +50,7 @@ impl MeasuredMaps {
     ) -> Result<Option<Plane<Surface>>> {
         match self {
             Self::Topic(topic) => topic.surfaces(frame, disparity),
-            Self::Files(_) => Ok(None),
+            Self::Files(_) | Self::Board(_) => Ok(None),
         }
     }
 
@@ -50,11 +59,12 @@ impl MeasuredMaps {
         matches!(self, Self::Topic(topic) if topic.has_floor())
     }
 
-    /// The topic, or the files.
-    fn name(&self) -> String {
+    /// The topic, the files, or the board.
+    fn origin(&self) -> TruthOrigin {
         match self {
-            Self::Topic(topic) => topic.topic().to_owned(),
-            Self::Files(files) => files.name(),
+            Self::Topic(topic) => TruthOrigin::Sensor(topic.topic().to_owned()),
+            Self::Files(files) => TruthOrigin::Sensor(files.name()),
+            Self::Board(board) => TruthOrigin::Board(board.size()),
         }
     }
 }
@@ -115,7 +125,7 @@ pub(crate) fn delays(maps: &[(String, MeasuredMaps)]) -> Vec<TopicDelay> {
         Some([rank(0.5)?, rank(0.99)?])
     };
     let delay = |(_, map): &(String, MeasuredMaps)| match map {
-        MeasuredMaps::Files(_) => None,
+        MeasuredMaps::Files(_) | MeasuredMaps::Board(_) => None,
         MeasuredMaps::Topic(topic) => {
             let latency = topic.latency();
             let mut all = latency.topic_ns.iter().chain(&latency.images_ns);
@@ -205,6 +215,9 @@ impl Source for MeasuredSource<'_> {
     fn next(&mut self) -> Result<Option<Frame>> {
         let Some(mut frame) = self.source.next()? else {
             self.has_ended = true;
+            if let Some(MeasuredMaps::Board(board)) = &self.measured.truth {
+                board.check_any(&self.source.name())?;
+            }
             return Ok(None);
         };
         if let Some(truth) = &mut self.measured.truth {
@@ -218,7 +231,7 @@ impl Source for MeasuredSource<'_> {
                 self.floor = truth.floor(&frame);
                 frame.truth = Some(Truth {
                     surface,
-                    ..Truth::from_sensor(disparity, density, &truth.name())
+                    ..Truth::measured(disparity, density, truth.origin())
                 });
             }
         }
@@ -238,6 +251,13 @@ impl Source for MeasuredSource<'_> {
         self.floor
     }
 
+    fn board(&self) -> Option<&BoardPlane> {
+        match &self.measured.truth {
+            Some(MeasuredMaps::Board(board)) => board.last.as_ref(),
+            _ => self.source.board(),
+        }
+    }
+
     fn finish(&mut self, taken: u64) -> Losses {
         // Files are unused once all pairs were read.
         for map in self.measured.all().filter(|_| self.has_ended) {
@@ -249,6 +269,12 @@ impl Source for MeasuredSource<'_> {
             None => return self.source.finish(taken),
             Some(MeasuredMaps::Topic(truth)) => (truth.without, truth.jumped),
             Some(MeasuredMaps::Files(truth)) => (truth.without, 0),
+            Some(MeasuredMaps::Board(truth)) => {
+                if self.has_ended {
+                    tracing::warn!("{}: {}", self.source.name(), truth.words());
+                }
+                (truth.refused(), 0)
+            }
         };
         Losses {
             without_truth,

@@ -1,6 +1,7 @@
 //! Layers over a source, in the order of [`Chain`](chain::Chain).
 
 pub(crate) mod alignment_monitor;
+pub(crate) mod board_truth;
 pub(crate) mod chain;
 pub(crate) mod distinct;
 pub(crate) mod floored;

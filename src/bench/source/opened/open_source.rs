@@ -4,6 +4,7 @@ use super::calibration;
 use super::calibration::{Calib, CalibrationFiles};
 use super::request::Request;
 use crate::source::frames::Source;
+use crate::source::layers::board_truth::BoardTruth;
 use crate::source::layers::chain::Chain;
 use crate::source::layers::floored::{LevelCamera, ToldFloor};
 use crate::source::layers::measured::{MeasuredMaps, SourceMaps, delays};
@@ -107,6 +108,13 @@ impl Opened {
         let named_m = request.options.camera_height_m;
         self.header.camera_height_m = named_m.or(self.header.camera_height_m);
         self.latency = delays(&self.measured.maps);
+        if let Some(board) = request.board()? {
+            self.measured.truth = Some(MeasuredMaps::Board(Box::new(BoardTruth::new(board))));
+        }
+        let sight = match &self.measured.truth {
+            Some(MeasuredMaps::Board(board)) => Some(board.finder()?),
+            _ => None,
+        };
         let declare = self.declared_rig(request);
         let rectify = self.rectification(request)?;
         let checks = self.facts.camera.checks.iter().filter(|_| !request.raw);
@@ -118,6 +126,7 @@ impl Opened {
         let floor = self.told_floor(&request.options);
         let chain = Chain {
             distinct: options.distinct.filter(|()| !self.is_live),
+            sight,
             rectify,
             declare,
             measure: std::mem::take(&mut self.measured).with_files(&request.maps)?,

@@ -2,10 +2,15 @@
 
 use super::calibration::Calib;
 use crate::source::inputs::folder::pairs::FolderRequest;
+use svl_calibrate::Board;
 use svl_core::matcher::{Algorithm, MapRequest};
+use svl_core::{Error, Result};
 use svl_grab::{GrabRequest, Host};
 use svl_recording::{Selection, SensorRole, SensorSelection, StampUnit};
 use svl_score::scenario::{SourceOptions, StampSource};
+
+/// Prefix of the size of a board that is the truth.
+const BOARD: &str = "board:";
 
 /// A source to open, with its options.
 #[derive(Clone, Default)]
@@ -75,10 +80,26 @@ impl<'a> Request<'a> {
         self.options.max_skew_ms.map(nanoseconds)
     }
 
+    /// The board in view that is the truth.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for one that svl cannot look for.
+    pub(crate) fn board(&self) -> Result<Option<Board>> {
+        let named = self.options.truth.as_deref();
+        let size = named.and_then(|truth| truth.strip_prefix(BOARD));
+        let board = size.map(|size| {
+            let wrong = |e| Error::Usage(format!("--truth {BOARD}{size}: {e}"));
+            size.parse().map_err(wrong)
+        });
+        board.transpose()
+    }
+
+    /// The other sensor that measures the truth.
     pub(crate) fn truth(&self) -> Option<SensorSelection> {
         let max_skew_ns = self.options.truth_skew_ms.map(nanoseconds);
+        let named = self.options.truth.as_ref();
         Some(SensorSelection {
-            topic: self.options.truth.clone()?,
+            topic: named.filter(|truth| !truth.starts_with(BOARD))?.clone(),
             max_skew_ns: max_skew_ns.unwrap_or(SensorSelection::MAX_SKEW_NS),
             role: SensorRole::Truth,
         })

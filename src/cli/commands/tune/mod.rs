@@ -149,7 +149,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         "its pairs are raw, and taken as rectified: --calib names a calibration".to_owned()
     });
     let target = viewer.map(|target| (target, name.clone()));
-    let worker = TuneWorker::begin(sampler, judge, target)?;
+    let worker = TuneWorker::begin(sampler, tuned.judge, target)?;
     if let Some(words) = raw.or(without) {
         stepper.say(words);
     }

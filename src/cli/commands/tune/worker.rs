@@ -13,10 +13,11 @@ use svl::notice::Notice;
 use svl::pass::{Matchers, Monitor, Pace};
 use svl::report::Row;
 use svl::report::compare::changes;
+use svl::scenario::witness;
 use svl::score::{Judge, Judged, METRICS, Metric};
 use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene, WatchSink, finish};
 use svl::stereo::Frame;
-use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
+use svl::tune::{SampleCells, Sampler, TunedSetting, evaluate, spread_order};
 
 /// Longest time that frames of the sample are matched before a new job is looked for.
 const MAX_CHUNK_TIME: Duration = Duration::from_millis(20);
@@ -82,6 +83,7 @@ impl TuneWorker {
             matchers: Matchers::default(),
             built: None,
             rows: BTreeMap::new(),
+            cells: SampleCells::default(),
             compared: None,
         };
         let thread = std::thread::spawn(move || bench.run());
@@ -157,6 +159,8 @@ struct Bench {
     built: Option<[TunedSetting; 2]>,
     /// By the number of the frame.
     rows: BTreeMap<u64, [Row; 2]>,
+    /// The cells of these frames, where there is no truth.
+    cells: SampleCells,
     /// Result of the setting compared with for the frame that is shown.
     compared: Option<(Arc<Frame>, FrameSide)>,
 }
@@ -183,7 +187,7 @@ impl Bench {
     }
 
     fn do_job(&mut self, job: &Job) -> svl::Result<()> {
-        self.prepare(&job.settings)?;
+        self.prepare(&job.settings, job.frame.truth.is_some())?;
         self.show_frame(&job.frame)?;
         let newest = self.seen.back().map(|frame| frame.sequence);
         if self.sampler.is_none() && newest != Some(job.frame.sequence) {
@@ -198,7 +202,7 @@ impl Bench {
     }
 
     /// Builds the matchers if the settings changed.
-    fn prepare(&mut self, settings: &[TunedSetting; 2]) -> svl::Result<()> {
+    fn prepare(&mut self, settings: &[TunedSetting; 2], has_truth: bool) -> svl::Result<()> {
         let [now, _] = settings;
         let algorithms = settings.each_ref().map(|setting| &setting.algorithm);
         // Both are built the next time where one of them cannot be.
@@ -214,6 +218,7 @@ impl Bench {
             return Ok(());
         }
         self.rows.clear();
+        self.cells.clear();
         {
             let shown = &mut self.shared.0.lock().shown;
             shown.failure = None;
@@ -231,7 +236,9 @@ impl Bench {
             record.parameters = title(algorithm);
         }
         if is_old == [false; 2] {
-            self.matchers = Matchers::new(&labelled)?.without_warnings();
+            let witness = (!has_truth).then(witness);
+            let algorithms: Vec<_> = labelled.iter().cloned().chain(witness).collect();
+            self.matchers = Matchers::new(&algorithms)?.without_warnings();
         } else {
             let mut others = labelled.iter().zip(is_old).filter(|(_, is_old)| !is_old);
             others.try_for_each(|(algorithm, _)| self.matchers.replace(algorithm))?;
@@ -299,6 +306,9 @@ impl Bench {
     ) -> svl::Result<Vec<Row>> {
         let rows = Outbox::default();
         sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
+        if pace != Pace::Asap {
+            sinks.push(Box::new(self.cells.clone()));
+        }
         let start = PassStart::new(&self.manifest, None, &self.judge);
         let mut watch = KeyWatch {
             shared: &self.shared,
@@ -309,6 +319,9 @@ impl Bench {
         let ran = evaluate(frames, &mut self.matchers, &start, pace, sinks, &mut watch);
         let failure = watch.failure;
         finish(vec![sinks.remove(0)])?;
+        if pace != Pace::Asap {
+            sinks.pop();
+        }
         ran?;
         if failure.is_some() {
             self.shared.0.lock().shown.failure = failure;
@@ -376,16 +389,26 @@ impl Bench {
     fn publish(&self) {
         let rows = self.rows.values().map(|[now, compared]| (now, compared));
         let (now, compared): (Vec<_>, Vec<_>) = rows.unzip();
-        let changes = changes(&compared, &now, METRICS);
-        let ranked_by = [
+        let mut changes = changes(&compared, &now, METRICS);
+        let rule = self.judge.cells;
+        changes.extend(self.cells.changes([LABELS[1], LABELS[0]], rule));
+        let has = |metric: &Metric| changes.iter().any(|change| change.metric == metric);
+        let metrics = [
             ("wrong", true),
             ("estimated_right", false),
             ("coverage", false),
-        ]
-        .into_iter()
-        .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
-        .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
-        let value = |row: &&Row| ranked_by.and_then(|(metric, _)| row.metrics.get(metric.name));
+        ];
+        let ranked_by = metrics
+            .into_iter()
+            .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
+            .find(|(metric, _)| has(metric));
+        let value = |row: &&Row| {
+            let (metric, _) = ranked_by?;
+            match metric.estimated() {
+                Some(_) => self.cells.right(row.sequence, LABELS[0], rule),
+                None => row.metrics.get(metric.name),
+            }
+        };
         let values = now.iter().map(|row| (row.sequence, value(row))).collect();
         let sample = &mut self.shared.0.lock().shown.sample;
         *sample = SampleView {

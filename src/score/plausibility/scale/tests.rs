@@ -47,7 +47,11 @@ fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Optio
     let pair = StereoPair::new(image.clone(), image).unwrap();
     let disparity = Plane::from_fn(SIZE.0, SIZE.1, |x, y| truth(true_px(x, y))).unwrap();
     let frame = Frame {
-        truth: Some(Truth::from_sensor(disparity, MapDensity::Dense, name)),
+        truth: Some(Truth::measured(
+            disparity,
+            MapDensity::Dense,
+            TruthOrigin::Sensor(name.to_owned()),
+        )),
         ..Frame::new(pair, Geometry::Rectified(Some(rig())))
     };
     let mut estimates = vec![
