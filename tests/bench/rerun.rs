@@ -48,6 +48,7 @@ fn frame(sequence: u64, rig: bool) -> Frame {
         recorded: None,
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
         truth: Some(Truth::exact(truth, None)),
+        floor: None,
         maps: Vec::new(),
         color: None,
         exposure: Exposure::default(),

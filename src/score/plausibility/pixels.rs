@@ -310,6 +310,7 @@ impl TruthSpread {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_core::stereo::TruthOrigin;
     use svl_core::stereo::{Geometry, Gray, MapDensity, StereoPair};
 
     /// 40 pixels wide, with a focal length of 50 px and a baseline of 0.1 m.

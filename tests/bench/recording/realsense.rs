@@ -6,7 +6,7 @@ use super::says::Says;
 use crate::cli::fixture::Fixture;
 use std::path::Path;
 use svl::recording::{Reader, SensorRole, SensorSelection, truth_topics};
-use svl::stereo::{Frame, MapDensity, Truth};
+use svl::stereo::{Frame, MapDensity, Truth, TruthOrigin};
 
 const SIZE: (usize, usize) = (64, 48);
 const FOCAL_PX: f64 = 48.5;
