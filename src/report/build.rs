@@ -305,7 +305,9 @@ impl Report<'_> {
         ];
         let named: Vec<_> = has.iter().filter(|own| own.1).map(|own| own.0).collect();
         let is_untold = !self.plan.is_driven() && !named.is_empty();
-        let is_untold = is_untold && summary.has_answers() && !summary.has_areas();
+        let mut estimates = summary.estimates.iter();
+        let is_estimated = estimates.any(|row| row.estimated_sure_wrong.is_some());
+        let is_untold = is_untold && summary.has_answers() && !summary.has_areas() && !is_estimated;
         let words = || {
             let verb = if named.len() == 1 { "needs" } else { "need" };
             let named = joined(named.iter().copied());

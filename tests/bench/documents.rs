@@ -49,6 +49,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl score drive.mcap",
         "recording::recorded_depth follows the page",
     ),
+    ("svl calibrate check drive.mcap", "cli::estimates runs it"),
     (
         "svl info drive.mcap",
         "recording::recorded_depth follows the page",

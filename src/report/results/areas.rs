@@ -1,6 +1,7 @@
 //! The area of a run's numbers in words: what a robot can hit, floor, or what is beyond.
 
 use super::summary::{AlgorithmSummary, Results};
+use crate::subjects::witness::EstimateRow;
 use std::borrow::Cow;
 use svl_core::counted;
 use svl_score::judge::{AreaChoice, Metric};
@@ -26,6 +27,15 @@ impl Results {
 
     /// The heading above a metric's column.
     pub(crate) fn group(&self, metric: &Metric) -> Cow<'static, str> {
+        if metric.estimated().is_some() {
+            let is_floor = |row: &&EstimateRow| row.area == AreaChoice::Floor && row.cells > 0;
+            let knows_floor = self.estimates.iter().any(|row| is_floor(&row));
+            return match self.basis.area {
+                AreaChoice::Obstacle if knows_floor => "estimated, obstacles, %".into(),
+                AreaChoice::Obstacle => "estimated, floor included, %".into(),
+                area => format!("estimated, {area}, %").into(),
+            };
+        }
         if !metric.by_area || metric.group != CELLS || !self.has_areas() {
             return Cow::Borrowed(metric.group);
         }
