@@ -1,5 +1,6 @@
 //! A summary as Markdown.
 
+use crate::results::answer::MAX_ESTIMATES;
 use crate::results::summary::Results;
 use crate::show::table::markdown::escape;
 use crate::show::table::model::Table;
@@ -17,7 +18,7 @@ impl Results {
             page.push_str(&format!("\n**Warning:** {}\n", escape(&caution)));
         }
         page.push_str(&format!("\n{}", self.headline().markdown()));
-        for line in self.legend() {
+        for line in [self.legend(), self.estimate_words(MAX_ESTIMATES)].concat() {
             page.push_str(&format!("\n{}\n", escape(&line)));
         }
         let mut section = |title: &str, table: &Table| {

@@ -12,6 +12,9 @@ use svl_score::judge::{ColumnChoice, Metric, TruthLevel};
 const MAX_ALGORITHMS: usize = 15;
 const FIRST_ALGORITHMS: usize = 12;
 
+/// Limit of the algorithms whose estimated errors the screen tells.
+const MAX_ESTIMATES: usize = 2;
+
 /// Head of a caution, below whose words it continues.
 const CAUTION: &str = "warning: ";
 
@@ -50,7 +53,8 @@ impl Results {
                 0 => {}
                 more => text += &format!("and {more} more: see the page, or --columns all\n"),
             }
-            let legend = self.legend().into_iter();
+            let legend = [self.legend(), self.estimate_words(MAX_ESTIMATES)].concat();
+            let legend = legend.into_iter();
             text.extend(legend.map(|line| wrapped(&line, 2, style.width)));
         }
         let absent = self.absent_columns();

@@ -78,7 +78,6 @@ impl Results {
 
     /// The setting with the best estimate: it is of all pairs, so all choose.
     fn best_estimated(
-        &self,
         settings: Vec<&AlgorithmSummary>,
         metric: &'static Metric,
     ) -> Result<BestSetting, String> {
@@ -86,13 +85,8 @@ impl Results {
         let estimates = estimates.filter_map(|a| Some((&a.algorithm, a.value(metric)?)));
         let mut estimates: Vec<_> = estimates.collect();
         estimates.sort_by(|(_, a), (_, b)| better_first(metric, Some(*a), Some(*b)));
-        let (label, best) = estimates.first().ok_or_else(|| {
-            let why = settings.iter().find_map(|a| {
-                let own = self.estimate(&a.algorithm, self.basis.area)?;
-                own.absent.clone()
-            });
-            why.unwrap_or_else(|| format!("no {}", metric.words))
-        })?;
+        let why = || format!("no {}", metric.words);
+        let (label, best) = estimates.first().ok_or_else(why)?;
         let alike = estimates
             .iter()
             .filter(|(_, own)| (own - best).abs() < MIN_AHEAD);
@@ -117,7 +111,7 @@ impl Results {
         let own = self.algorithms.iter();
         let own = own.filter(|a| labels.contains(&&*a.algorithm));
         if metric.estimated().is_some() {
-            return self.best_estimated(own.collect(), metric);
+            return Self::best_estimated(own.collect(), metric);
         }
         // Right minus wrong cells choose none of easy cells alone, whatever other algorithms are.
         let is_easy = |a: &AlgorithmSummary| self.unfit.get(&a.algorithm) == Some(&Unfit::Easy);

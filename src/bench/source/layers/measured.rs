@@ -55,7 +55,7 @@ impl MeasuredMaps {
     }
 
     /// True if something tells the floor.
-    pub fn has_floor(&self) -> bool {
+    fn has_floor(&self) -> bool {
         matches!(self, Self::Topic(topic) if topic.has_floor())
     }
 
@@ -176,6 +176,12 @@ impl SourceMaps {
         Ok(is_any.then_some(self))
     }
 
+    /// True if something tells the floor.
+    pub fn have_floor(&self) -> bool {
+        let maps = self.maps.iter().map(|(_, map)| map);
+        maps.chain(&self.truth).any(MeasuredMaps::has_floor)
+    }
+
     fn all(&mut self) -> impl Iterator<Item = &mut MeasuredMaps> {
         let maps = self.maps.iter_mut().map(|(_, map)| map);
         self.truth.iter_mut().chain(maps)
@@ -237,6 +243,9 @@ impl Source for MeasuredSource<'_> {
         }
         for (source, map) in &mut self.measured.maps {
             if let Some((disparity, density)) = map.measured(&frame)? {
+                if frame.truth.is_none() {
+                    self.floor = map.floor(&frame).or(self.floor);
+                }
                 frame.maps.push(RecordedMap {
                     source: source.clone(),
                     disparity,

@@ -142,8 +142,7 @@ impl Opened {
             height_m,
             is_named: options.camera_height_m.is_some(),
         });
-        let truth = self.measured.truth.as_ref();
-        let has_floor = truth.is_some_and(MeasuredMaps::has_floor);
+        let has_floor = self.measured.have_floor();
         (level.is_some() || has_floor).then_some(ToldFloor {
             level,
             is_live: self.is_live,
