@@ -57,7 +57,7 @@ impl Comparison {
                 format!("no {things} of both{}", failed.collect::<String>())
             }
             Conclusion::NotComparable | Conclusion::FewInCommon => {
-                "they have no headline metric in common".to_owned()
+                "they have no headline metric in common that a test decides".to_owned()
             }
             Conclusion::TooFewPairs => format!(
                 "fewer than {fewest} independent blocks in {pairs}, so there is no interval; score \
