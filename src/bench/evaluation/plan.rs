@@ -1,7 +1,7 @@
 //! The plan of an evaluation: the scenario, the algorithms and the options.
 
 use super::shard::Shard;
-use crate::pass::Pace;
+use crate::pass::{Matchers, Pace};
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
 use svl_core::Result;
@@ -86,7 +86,9 @@ impl EvaluationPlan<'_> {
             return Ok(None);
         }
         let mut records = Manifest::new(&scenario.name, &[witness()])?.algorithms;
-        let record = records.swap_remove(0);
+        let mut record = records.swap_remove(0);
+        let matchers = Matchers::new(&[witness()])?;
+        record.has_run_memory = matchers.with_run_memory().next().is_some();
         Ok(Some(PlannedWitness { record, is_asked }))
     }
 

@@ -34,14 +34,12 @@ const BYTES_PER_PIXEL: f64 = 0.5;
 /// Matches what is missing of the runs of a scenario.
 pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<MeasuredUnits> {
     let scenario = plan.scenario;
-    let matchers =
+    let mut matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match plan.algorithms_file {
             // The file is wrong, not the command line.
             Some(file) => Error::format(file, error.to_string()),
             None => error,
         })?;
-    let mut matchers = matchers;
-    matchers.append(Matchers::new(&[witness()])?.without_warnings());
     let live = RunningTable::default();
     let opener = RunOpener::new(scenario, console, &live)?;
     warn_of_unstressed(scenario);
@@ -60,10 +58,14 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let runs = runs.flat_map(|stress| places.clone().map(move |place| (stress, place)));
     let runs: Vec<RunPlace> = runs.collect();
     let keys = runs.iter().map(|run| opener.key(*run)).collect();
+    let session = EvaluationSession::open(plan, manifest, keys)?;
+    if session.list.witness.is_some() {
+        matchers.append(Matchers::new(&[witness()])?.without_warnings());
+    }
     let mut work = EvaluationWork {
         plan,
         console,
-        session: EvaluationSession::open(plan, manifest, keys)?,
+        session,
         runs,
         run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
         matchers,
