@@ -96,7 +96,6 @@ pub struct NearTruth {
 
 impl TrueCells {
     /// The cells of a frame with truth, scored by `rule`.
-
     pub fn new(frame: &Frame, shape: GridShape, rule: CellRule) -> Option<Self> {
         let (truth, rig) = (frame.truth.as_ref()?, frame.rig());
         let are_points = truth.kind.density == MapDensity::Sparse;
