@@ -6,7 +6,7 @@ use crate::sink::RunningTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
     self, Chain, Opened, RecordingSource, Request, RunSource, Source, SourceKind, SourceMaps,
-    SourceOrigin, refuse_topics, run_request,
+    SourceOrigin, ToldFloor, refuse_topics, run_request,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -122,7 +122,11 @@ impl ScoredSource {
             Self::Arena(seed) => seed,
         };
         let path = cached_run(scenario, seed, console, table)?;
-        let mut run = read(scenario, RecordingSource::open(path)?, Some(seed))?;
+        let source = RecordingSource::open(path)?;
+        let header = source.reader.header();
+        let level = header.and_then(|header| header.camera_height_m);
+        let floor = level.map(ToldFloor::below);
+        let mut run = read(scenario, source, (Some(seed), floor))?;
         let judge = run.judge(&scenario.judge())?;
         Ok((run, judge))
     }
@@ -141,11 +145,15 @@ fn layers(scenario: &Scenario) -> Result<Chain> {
 fn read(
     scenario: &Scenario,
     source: impl Source + 'static,
-    seed: Option<u64>,
+    (seed, floor): (Option<u64>, Option<ToldFloor>),
 ) -> Result<RunSource> {
     let maps = scenario.algorithms.iter().filter_map(Algorithm::recorded);
     refuse_topics(&maps.collect::<Vec<_>>(), &source.name())?;
-    RunSource::new(Box::new(source), layers(scenario)?, seed)
+    let layers = Chain {
+        floor,
+        ..layers(scenario)?
+    };
+    RunSource::new(Box::new(source), layers, seed)
 }
 
 /// The scenario's runs. All that the user names is opened, so that an error in the last one is
@@ -209,7 +217,7 @@ pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Resul
                 )));
             };
             let scenes = Scene::find_all(&data, scenes)?;
-            read(scenario, SceneSource::new(scenes), None)?
+            read(scenario, SceneSource::new(scenes), (None, None))?
         }
         ScenarioSource::Recording(_) => {
             let run = &scenario.recordings()?[place];

@@ -21,6 +21,7 @@ pub use layers::alignment_monitor::{AlignmentMonitor, PairAlignment, only_pair};
 pub use layers::board_truth::{BoardScale, RigScale};
 pub use layers::chain::Chain;
 pub use layers::distinct::OnePicture;
+pub(crate) use layers::floored::ToldFloor;
 pub use layers::limited::FirstPairs;
 pub(crate) use layers::measured::{SourceMaps, refuse_topics};
 pub use layers::registered::{PairRegister, Registration};

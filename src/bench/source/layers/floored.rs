@@ -19,6 +19,19 @@ pub struct ToldFloor {
     pub is_live: bool,
 }
 
+impl ToldFloor {
+    /// The floor below a recorded camera of that height.
+    pub(crate) fn below(height_m: f64) -> Self {
+        Self {
+            level: Some(LevelCamera {
+                height_m,
+                is_named: false,
+            }),
+            is_live: false,
+        }
+    }
+}
+
 #[derive(Clone, Copy)]
 pub struct LevelCamera {
     pub height_m: f64,
