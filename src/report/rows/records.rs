@@ -258,7 +258,7 @@ record! {
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
-        /// Origin of the truth: exact or sensor TOPIC; absent without truth.
+        /// Origin of the truth: exact, sensor TOPIC or board SIZE; absent without truth.
         truth: Option<String>,
         /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
