@@ -274,7 +274,7 @@ impl Results {
         }
         let words = rows.iter().take(most).map(|row| row.words());
         let more = rows.len().saturating_sub(most);
-        let more = (more > 0).then(|| format!("{more} more estimates are in estimates.csv."));
+        let more = (more > 0).then(|| format!("estimates.csv has {more} more."));
         words.chain(more).collect()
     }
 
