@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13662),
+    ("bench", 13687),
     ("c", 478),
     ("calibrate", 4988),
     ("cli", 10982),
@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 14885),
+    ("report", 14886),
     ("score", 8680),
     ("sim", 3510),
     ("thesis", 2644),

@@ -71,7 +71,11 @@ impl EvaluationPlan<'_> {
         let scenario = self.scenario;
         let is_estimated = |metric: &Metric| metric.estimated().is_some();
         let columns = self.shown.columns.unwrap_or(&scenario.columns);
-        let is_asked = matches!(columns, ColumnChoice::Named(all) if all.iter().any(|own| is_estimated(own)))
+        let is_named = match columns {
+            ColumnChoice::Named(all) => all.iter().any(|own| is_estimated(own)),
+            _ => false,
+        };
+        let is_asked = is_named
             || self.shown.sort.is_some_and(is_estimated)
             || scenario
                 .gate

@@ -1,9 +1,10 @@
 //! A source of frames.
 
-use crate::source::layers::board_truth::BoardPlane;
+use nalgebra::{Matrix3, Point2, Vector3};
 use std::ops::RangeInclusive;
 use svl_core::Result;
 use svl_core::rectify::RectificationMeter;
+use svl_core::statistics::lower_median;
 use svl_core::stereo::{FloorPlane, Frame};
 use svl_recording::warn_of;
 use svl_score::judge::Judged;
@@ -22,6 +23,54 @@ macro_rules! wraps {
     };
 }
 pub(super) use wraps;
+
+/// Largest residual of a corner that fits the plane: 3 standard deviations, and pixels.
+const MAX_DEVIATIONS: f64 = 3.0 * 1.4826;
+const MAX_CLOSE_PX: f64 = 0.06;
+
+/// The board of a pair that is rectified.
+pub struct BoardPlane {
+    /// Left and right corners, in the order of [`Board::corners`].
+    pub corners: [Vec<Point2<f64>>; 2],
+    /// The disparity is `x · [0] + y · [1] + [2]`.
+    plane: Vector3<f64>,
+    pub rms_px: f64,
+}
+
+impl BoardPlane {
+    /// Fits the plane to the disparities of corners, robustly; `None` where they are degenerate.
+    pub fn new(corners: [Vec<Point2<f64>>; 2]) -> Option<Self> {
+        let [left, right] = &corners;
+        let points = left.iter().zip(right);
+        let points: Vec<_> = points
+            .map(|(l, r)| (Vector3::new(l.x, l.y, 1.0), l.x - r.x))
+            .collect();
+        let (mut plane, mut limit_px) = (Vector3::zeros(), f64::INFINITY);
+        for _ in 0..3 {
+            let (mut squares, mut sums) = (Matrix3::zeros(), Vector3::zeros());
+            let residual = |(at, px): &(Vector3<f64>, f64)| (px - plane.dot(at)).abs();
+            for (at, px) in points.iter().filter(|own| residual(own) <= limit_px) {
+                squares += at * at.transpose();
+                sums += at * *px;
+            }
+            plane = squares.lu().solve(&sums)?;
+            let residuals = points.iter().map(|(at, px)| (px - plane.dot(at)).abs());
+            limit_px = MAX_CLOSE_PX.max(MAX_DEVIATIONS * lower_median(residuals)?);
+        }
+        let squares = points.iter().map(|(at, px)| (px - plane.dot(at)).powi(2));
+        let rms_px = (squares.sum::<f64>() / points.len() as f64).sqrt();
+        Some(Self {
+            corners,
+            plane,
+            rms_px,
+        })
+    }
+
+    /// The disparity of the board's plane at a pixel of the left image.
+    pub fn px(&self, at: &Point2<f64>) -> f64 {
+        self.plane.dot(&at.coords.push(1.0))
+    }
+}
 
 /// A sequence of frames, pulled one by one.
 pub trait Source: Send {

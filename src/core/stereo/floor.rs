@@ -1,12 +1,41 @@
 //! The floor as a plane below the camera: what of a truth is floor, where no surfaces are known.
 
-use super::{Plane, Pose, Rig, Surface};
-use nalgebra::{UnitQuaternion, UnitVector3, Vector3};
+use super::{Plane, Rig};
+use nalgebra::{Isometry3, UnitQuaternion, UnitVector3, Vector3};
 
 /// Greatest height above the plane of what is floor: a fraction of the camera's height (distances
 /// of cells are right to a fifth), and metres.
 const MAX_FRACTION: f64 = 0.2;
 const MAX_ABOVE_M: f64 = 0.05;
+
+/// Surface that a left pixel shows, with its grey value in `/truth/surface`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Surface {
+    Unknown = 0,
+    /// The ground that the robot drives on.
+    Floor = 64,
+    /// The room behind the arena's walls.
+    Room = 128,
+    /// The arena's walls.
+    Wall = 192,
+    /// Blocks and balls.
+    Object = 255,
+}
+
+impl Surface {
+    /// From a grey value; `None` for any other value.
+    #[inline]
+    pub fn from_code(code: u8) -> Self {
+        match code {
+            64 => Self::Floor,
+            128 => Self::Room,
+            192 => Self::Wall,
+            255 => Self::Object,
+            _ => Self::Unknown,
+        }
+    }
+}
 
 /// The floor in the frame of the left camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +65,7 @@ impl FloorPlane {
     /// The floor through the origin of a frame whose z is up, as `base_footprint` (REP 105, 120),
     /// with the camera's pose in it; `None` if the camera is not above the floor by one of
     /// [`Self::HEIGHTS_M`].
-    pub fn from_pose(camera: &Pose) -> Option<Self> {
+    pub fn from_pose(camera: &Isometry3<f64>) -> Option<Self> {
         let camera_height_m = camera.translation.z;
         Self::HEIGHTS_M.contains(&camera_height_m).then(|| Self {
             up: camera.rotation.inverse() * Vector3::z_axis(),

@@ -2,7 +2,7 @@
 
 use super::{
     DepthGrid, DisparityMap, FloorPlane, PairId, Plane, RectifiedPair, Rgb, Rig, StereoCalibration,
-    StereoPair,
+    StereoPair, Surface,
 };
 use crate::error::{Error, Result};
 use crate::timing::StageTimes;
@@ -332,35 +332,6 @@ impl Visibility {
         match code {
             255 => Self::Visible,
             128 => Self::Occluded,
-            _ => Self::Unknown,
-        }
-    }
-}
-
-/// Surface that a left pixel shows, with its grey value in `/truth/surface`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Surface {
-    Unknown = 0,
-    /// The ground that the robot drives on.
-    Floor = 64,
-    /// The room behind the arena's walls.
-    Room = 128,
-    /// The arena's walls.
-    Wall = 192,
-    /// Blocks and balls.
-    Object = 255,
-}
-
-impl Surface {
-    /// From a grey value; `None` for any other value.
-    #[inline]
-    pub fn from_code(code: u8) -> Self {
-        match code {
-            64 => Self::Floor,
-            128 => Self::Room,
-            192 => Self::Wall,
-            255 => Self::Object,
             _ => Self::Unknown,
         }
     }

@@ -43,10 +43,10 @@ pub use row::RowMut;
 #[doc(hidden)]
 pub use {
     calibration::{motion, rotation},
-    floor::FloorPlane,
+    floor::{FloorPlane, Surface},
     frame::{
-        Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Surface, Truth,
-        TruthKind, TruthOrigin, Visibility,
+        Estimate, Exposure, Frame, Geometry, MapDensity, Pose, RecordedMap, Truth, TruthKind,
+        TruthOrigin, Visibility,
     },
     grid::{CellEvidence, LevelCell, LevelVerdict, NearSurface},
     identity::{FittedTo, PairId, UnsortedPairs, hash_words, parse_hash},

@@ -58,29 +58,29 @@ record! {
         cells: u64,
         /// Fraction of them that is wrong: about, at least and at most.
         estimated_wrong: Option<f64>,
-        /// Its low end.
+        /// The low end.
         estimated_wrong_low: Option<f64>,
-        /// Its high end, which is promised.
+        /// The high end, which is promised.
         estimated_wrong_high: Option<f64>,
         /// The same of the cells that the witness is sure of.
         estimated_sure_wrong: Option<f64>,
-        /// Its low end.
+        /// The low end.
         estimated_sure_wrong_low: Option<f64>,
-        /// Its high end, which is promised.
+        /// The high end, which is promised.
         estimated_sure_wrong_high: Option<f64>,
         /// Fraction of all cells that is known and right.
         estimated_right: Option<f64>,
-        /// Its low end, which is promised.
+        /// The low end, which is promised.
         estimated_right_low: Option<f64>,
-        /// Its high end.
+        /// The high end.
         estimated_right_high: Option<f64>,
         /// Median of the reported distance over that of the witness, where that is sure.
         scale: Option<f64>,
         /// Number of cells that the witness is sure of (probability of 0.9 or more).
         sure_cells: u64,
-        /// Those that it contradicts: more than 1.25 tolerances off.
+        /// Number of cells that it contradicts: more than 1.25 tolerances off.
         sure_contradicted: u64,
-        /// Those of them that may be its own errors.
+        /// Contradicted cells that may be its own errors.
         sure_allowed: f64,
         /// Sum of the probabilities of being wrong.
         sure_wrong: f64,
@@ -90,9 +90,9 @@ record! {
         sure_rate: f64,
         /// Number of the other cells.
         other_cells: u64,
-        /// Those that the witness contradicts.
+        /// Number of cells that the witness contradicts.
         other_contradicted: u64,
-        /// Those of them that may be its own errors.
+        /// Contradicted cells that may be its own errors.
         other_allowed: f64,
         /// Sum of the probabilities of being wrong.
         other_wrong: f64,
@@ -144,7 +144,7 @@ impl EstimateRow {
         self.measured(number, 0)
     }
 
-    /// Its end that is promised: no more is wrong, no less is right.
+    /// The end that is promised: no more is wrong, no less is right.
     pub(crate) fn promised(&self, number: EstimatedNumber) -> Option<Measured> {
         self.measured(number, if number.is_of_right() { 1 } else { 2 })
     }
@@ -280,7 +280,7 @@ fn difference(own: &CellRow, witness: &CellRow, rule: CellRule, infinity_px: f64
 struct AreaSums {
     cells: u64,
     known: u64,
-    /// Those that the witness is sure of, and the others.
+    /// Cells that the witness is sure of, and the others.
     classes: [ClassSums; 2],
 }
 
@@ -408,7 +408,7 @@ impl WitnessTally {
 
 /// A pair whose cells are compared.
 pub struct ComparedPair {
-    /// Its time; none of a scene, which follows no other.
+    /// The time; none of a scene, which follows no other.
     pub stamp_ns: Option<u64>,
     /// Disparity of infinity by its calibration, pixels; `None` without one.
     pub infinity_px: Option<f32>,

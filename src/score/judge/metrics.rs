@@ -250,7 +250,7 @@ pub enum CellNumber {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EstimatedNumber {
     Wrong,
-    /// Of the cells that the witness is sure of.
+    /// Wrong ones among the cells that the witness is sure of.
     SureWrong,
     Right,
 }

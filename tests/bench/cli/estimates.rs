@@ -63,7 +63,7 @@ fn errors_without_truth_are_told_everywhere_and_are_those_of_parts() {
         );
     }
     fixture.transcript(
-        "compare whole whole => estimated wrong cells
+        "compare whole whole => estimated, points
         compare whole whole --fail-on worse:estimated_wrong => 2: is an estimate | [[gate]]
         score bag.mcap --algo witness=sgm -o n => 2: 'witness' | give 'sgm' another label",
     );
@@ -75,7 +75,8 @@ fn a_limit_of_an_estimate_is_on_its_promised_end() {
     let gate = |metric: &str, bound: &str| {
         let text = format!(
             "name = \"e\"\nalgorithms = [\"sgm\"]\n[source]\nkind = \"recording\"\n\
-             files = [\"bag.mcap\"]\n[[gate]]\nalgorithm = \"sgm\"\nmetric = \"{metric}\"\n{bound}\n"
+             files = [\"bag.mcap\"]\n[[gate]]\nalgorithm = \"sgm\"\n\
+             metric = \"{metric}\"\n{bound}\n"
         );
         fixture.write("e.toml", text);
     };
@@ -85,7 +86,9 @@ fn a_limit_of_an_estimate_is_on_its_promised_end() {
         "{score} => pass | wrong cells, high end | in common with v5"
     ));
     gate("estimated_wrong", "max = 0.001");
-    fixture.transcript(&format!("{score} => 3: FAIL"));
+    fixture.transcript(&format!(
+        "{score} => 3: wrong cells, high end | at most 0.1 %"
+    ));
     gate("estimated_wrong", "min = 0.1");
     fixture.transcript(&format!("{score} => 1: at their high end alone: give max"));
     gate("estimated_right", "max = 0.9");
@@ -93,7 +96,7 @@ fn a_limit_of_an_estimate_is_on_its_promised_end() {
     // Too few pairs: nothing is measured, and the limit is not kept.
     gate("estimated_wrong", "max = 0.5");
     fixture.transcript(&format!(
-        "{score} --every 10 => 3: NOT MEASURED | cells in common with v5, of 100"
+        "{score} --every 10 => 3: is not measured | cells in common with v5, of 100"
     ));
 }
 
@@ -103,7 +106,7 @@ fn an_estimate_stands_beside_the_truth_where_it_is_asked_for() {
     let score = "score bag.mcap --truth /truth/depth --algo sgm --rerun none";
     fixture.transcript(&format!(
         "{score} -o t => right | !estimated
-        {score} -o t --columns wrong,estimated_wrong => estimated, % | sgm estimated: about"
+        {score} -o t --columns wrong,estimated_wrong => estimated, obstacles, % | sgm estimated: about"
     ));
     let summary = fixture.json_file("t/summary.json");
     let (own, estimate) = (&summary["algorithms"][0], &summary["estimates"][3]);
@@ -131,8 +134,7 @@ fn a_board_in_view_is_the_truth() {
     let fixture = board();
     let score = "score board.mcap --calib calib.yml --algo sgm --algo v5 --rerun none";
     fixture.transcript(&format!(
-        "{score} --truth board:9x6 -o b => against a board of 9x6 corners, on it alone \
-        | board of 9x6 in
+        "{score} --truth board:9x6 -o b => against a board of 9x6 corners, on it alone
         {score} --truth board:8x6 -o c => 1: no pair of 30 | a board of 9x6
         {score} --truth board:9x -o c => 2: --truth board:9x | expected inner corners as 9x6
         {score} --truth board:2x6 -o c => 2: each side needs 3 to 50

@@ -59,8 +59,8 @@ macro_rules! chain {
 // equal as they were read, so `distinct` comes before all that changes them, and so does `sight`:
 // rectification crops boards. Truth and maps are of
 // rectified images of full size: `measure` and `check` follow `rectify` and `declare`
-// and precede `resize`. `floor` divides the truth that is scored. A copy is known by the pair as it was
-// read, which every layer keeps, so `register` comes after the layers that drop pairs and before
+// and precede `resize`. `floor` divides the truth that is scored. A copy is known by the pair as it
+// was read, which every layer keeps, so `register` comes after the layers that drop pairs and before
 // `perturb`, which needs the neighbours that are left. `take` counts the pairs that come out. The
 // user's word that raw pairs are rectified (`assume`) and the `monitor` of vertical misalignment
 // are about the pairs that are matched: they are last.

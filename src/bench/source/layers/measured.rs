@@ -1,7 +1,7 @@
 //! Pairs with distances that another sensor or program measured, of their recording or of files.
 
-use super::board_truth::{BoardPlane, BoardTruth};
-use crate::source::frames::{Source, wraps};
+use super::board_truth::BoardTruth;
+use crate::source::frames::{BoardPlane, Source, wraps};
 use crate::source::inputs::folder::map_files::MapFiles;
 use svl_core::matcher::{MapPlace, MapRequest};
 use svl_core::statistics::nearest_rank;
