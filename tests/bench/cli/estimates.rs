@@ -106,7 +106,8 @@ fn an_estimate_stands_beside_the_truth_where_it_is_asked_for() {
     let score = "score bag.mcap --truth /truth/depth --algo sgm --rerun none";
     fixture.transcript(&format!(
         "{score} -o t => right | !estimated
-        {score} -o t --columns wrong,estimated_wrong => estimated, obstacles, % | sgm estimated: about"
+        {score} -o t --columns wrong,estimated_wrong => estimated, obstacles, % \
+        | sgm estimated: about"
     ));
     let summary = fixture.json_file("t/summary.json");
     let (own, estimate) = (&summary["algorithms"][0], &summary["estimates"][3]);

@@ -60,10 +60,10 @@ macro_rules! chain {
 // rectification crops boards. Truth and maps are of
 // rectified images of full size: `measure` and `check` follow `rectify` and `declare`
 // and precede `resize`. `floor` divides the truth that is scored. A copy is known by the pair as it
-// was read, which every layer keeps, so `register` comes after the layers that drop pairs and before
-// `perturb`, which needs the neighbours that are left. `take` counts the pairs that come out. The
-// user's word that raw pairs are rectified (`assume`) and the `monitor` of vertical misalignment
-// are about the pairs that are matched: they are last.
+// was read, which every layer keeps, so `register` comes after the layers that drop pairs and
+// before `perturb`, which needs the neighbours that are left. `take` counts the pairs that come
+// out. The user's word that raw pairs are rectified (`assume`) and the `monitor` of vertical
+// misalignment are about the pairs that are matched: they are last.
 chain! {
     /// A range of the source's pairs.
     limit(range: PairRange), |source| Limited::new(source, range, None);
