@@ -131,6 +131,9 @@ pub struct InputRecord {
     /// True if each pair shows another scene.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub separate_pairs: bool,
+    /// True if it has no times: its stamps are placeholders.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_untimed: bool,
 }
 
 /// An algorithm of a run.
@@ -395,6 +398,7 @@ impl InputRecord {
             calibration: None,
             pairs_hash: None,
             separate_pairs: false,
+            is_untimed: false,
         }
     }
 

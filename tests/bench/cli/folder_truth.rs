@@ -371,6 +371,7 @@ fn options_that_need_a_truth_are_told_where_there_is_none() {
     fixture.transcript(&format!(
         "{line} --area floor --beyond 2 --camera-height 0.3 -o r \
         => 0~ --area, --beyond, --camera-height need a ground truth
+        {line} --ranges 2,4 -o s => 0~ --ranges needs a ground truth
         {line} --beyond 2 -o r => 0~ --beyond needs a ground truth
         {line} -o plain => 0~ !ground truth"
     ));
