@@ -405,7 +405,6 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
         .map_err(|e| Error::io(folder, e))
 }
 
-
 fn may_write(path: &Path, force: bool) -> Result<()> {
     let shown = path.display();
     match path.metadata() {

@@ -414,7 +414,11 @@ impl BlockShots {
             .flat_map(|scored| &scored.checkpoints);
         let shows: BTreeSet<_> = shown.map(|(i, _)| self.checkpoints[*i].number).collect();
         CheckpointFigure {
-            title: format!("{run}, frame {}{}", frame.sequence, time.unwrap_or_default()),
+            title: format!(
+                "{run}, frame {}{}",
+                frame.sequence,
+                time.unwrap_or_default()
+            ),
             shows: shows.into_iter().collect(),
             at_s,
             ..CheckpointFigure::default()

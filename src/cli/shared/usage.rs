@@ -79,8 +79,14 @@ pub(crate) const OPTION_SYNONYMS: &[(&str, &str)] = &[
     ("--jobs", "--threads"),
     ("-j", "--threads"),
     ("--html", "-o: index.html in that folder is the page"),
-    ("--left", "the images without an option: `svl match LEFT RIGHT`"),
-    ("--right", "the images without an option: `svl match LEFT RIGHT`"),
+    (
+        "--left",
+        "the images without an option: `svl match LEFT RIGHT`",
+    ),
+    (
+        "--right",
+        "the images without an option: `svl match LEFT RIGHT`",
+    ),
     ("--limit", "--every, --from, --to"),
     ("--max-frames", "--every, --from, --to"),
     ("--matcher", "--algo"),

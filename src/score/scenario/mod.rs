@@ -27,8 +27,8 @@ pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
-use crate::manifest::hash;
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
+use crate::manifest::hash;
 use file::File;
 use std::path::Path;
 use svl_core::depth::GridSettings;

@@ -364,6 +364,25 @@ fn depth_images_of_pairs_that_svl_rectifies_are_refused() {
 }
 
 #[test]
+fn frames_without_times_are_shown_by_their_numbers() {
+    let fixture = Fixture::new();
+    for (name, shift) in [("a", 3), ("b", 5)] {
+        let [left, right] = ["left", "right"].map(|side| format!("q/{side}/{name}.pgm"));
+        fixture.write_pair(&left, &right, SIZE, shift);
+        fixture.write(&format!("q/depth/{name}.png"), png(SIZE, &steps()));
+    }
+    fixture.write("q/calib.txt", CALIB);
+    let line = "score q --truth depth/*.png --algo bm:max_disparity=8 --rerun none";
+    fixture.transcript(&format!(
+        "{line} -o r
+        cat r/index.html => q, frame 1</h3> | >frame 0</button> | a bar per frame \
+        | bm:max_disparity=8, frame 1: | !bar per second
+        {line} --fps 10 -o timed
+        cat timed/index.html => q, frame 1, 0.10 s</h3> | a bar per second"
+    ));
+}
+
+#[test]
 fn options_that_need_a_truth_are_told_where_there_is_none() {
     let fixture = Fixture::new();
     scene(&fixture);

@@ -297,10 +297,13 @@ mod tests {
 
     #[test]
     fn pairs_that_are_left_out_are_not_made() {
-        let (made, every) = (AtomicU64::new(0), PairRange {
-            every: Some(8),
-            ..PairRange::default()
-        });
+        let (made, every) = (
+            AtomicU64::new(0),
+            PairRange {
+                every: Some(8),
+                ..PairRange::default()
+            },
+        );
         let mut source = Limited::new(Box::new(Made(0, &made)), every, None);
         let taken = std::iter::from_fn(|| source.next().unwrap()).map(|frame| frame.sequence);
         assert_eq!(taken.collect::<Vec<_>>(), [3, 11, 19]);
