@@ -167,7 +167,7 @@ struct CellMedians {
 }
 
 impl CellMedians {
-    /// Those of values with their groups, which are sorted once however many groups there are.
+    /// The medians of values with their groups; all are sorted once, however many groups there are.
     fn new(mut values: Vec<(f64, usize)>) -> Self {
         values.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let mut places: BTreeMap<usize, Vec<usize>> = BTreeMap::new();

@@ -28,16 +28,16 @@ pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
-use crate::manifest::hash;
 use file::File;
 use std::path::Path;
 use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::CellRule;
+use svl_core::stereo::{CellRule, hash_words};
 use svl_core::{Error, Result, joined};
 use svl_files::{read_text, safe_name};
 use svl_sim::arena::{Arena, ArenaConfig, RandomScenes, WireObject};
 use toml_error::toml_error;
+use xxhash_rust::xxh3::xxh3_128;
 
 /// Largest scenario file accepted, bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -53,7 +53,11 @@ pub const MAX_GRID: usize = 64;
 fn short_name(name: &str) -> String {
     match name.chars().count() {
         0..=MAX_NAME => safe_name(name, MAX_NAME),
-        _ => format!("{}-{}", safe_name(name, MAX_NAME - 7), &hash(name)[1..7]),
+        _ => format!(
+            "{}-{}",
+            safe_name(name, MAX_NAME - 7),
+            &hash_words(xxh3_128(name.as_bytes()))[1..7]
+        ),
     }
 }
 

@@ -22,6 +22,12 @@ impl Replays {
         Some(row.stamp_ns.saturating_sub(*start_ns) as f64 / 1e9)
     }
 
+    /// The same in whole seconds; of a recording without times the number of the pair.
+    pub(super) fn second(&self, row: &Row) -> Option<u64> {
+        let untimed = self.is_untimed(row).then_some(row.sequence);
+        untimed.or_else(|| self.at_s(row).map(|at_s| at_s as u64))
+    }
+
     /// True if the stamps of a row's recording are placeholders.
     pub(super) fn is_untimed(&self, row: &Row) -> bool {
         let run = row.run.as_ref();

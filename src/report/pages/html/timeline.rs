@@ -83,11 +83,8 @@ impl Timeline {
         let stamps = || rows.iter().map(|row| row.stamp_ns);
         let first_ns = stamps().min().unwrap_or_default();
         // A recording's own seconds, also if the first ones are omitted.
-        let whole = |row: &Row| match replays.at_s(row) {
-            _ if is_untimed => row.sequence,
-            Some(at_s) => at_s as u64,
-            None => (row.stamp_ns - first_ns) / 1_000_000_000,
-        };
+        let since = |row: &Row| (row.stamp_ns - first_ns) / 1_000_000_000;
+        let whole = |row: &Row| replays.second(row).unwrap_or_else(|| since(row));
         let first_s = rows.iter().map(|row| whole(row)).min().unwrap_or_default();
         let last_s = rows.iter().map(|row| whole(row)).max().unwrap_or_default();
         let seconds = (last_s - first_s + 1).div_ceil(MAX_BINS);
@@ -179,11 +176,8 @@ impl WorstSecond {
             .filter(|row| row.algorithm == label && !is_scene(row))
         {
             if row.stress.is_none() && row.metrics.get("wrong").is_some() {
-                let second = match replays.at_s(row) {
-                    _ if replays.is_untimed(row) => row.sequence,
-                    Some(at_s) => at_s as u64,
-                    None => row.stamp_ns / 1_000_000_000,
-                };
+                let second = replays.second(row);
+                let second = second.unwrap_or(row.stamp_ns / 1_000_000_000);
                 seconds.entry((run_key(row), second)).or_default().push(row);
             }
         }

@@ -111,7 +111,7 @@ fn entries(page: &ReportPage, scenes: &[&SceneFigure]) -> Vec<(String, String)> 
 }
 
 /// The words of the figures' buttons: the time in the recording, as `0.8 s`, or the frame, with the
-/// recording where there are several, else the title. Times have as many decimals as tell them apart.
+/// recording where there are several, else the title. Times have the decimals that tell them apart.
 fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
     let run = |figure: &CheckpointFigure| {
         let row = &figure.shots.first()?.1.row;
