@@ -232,6 +232,12 @@ impl Manifest {
         record.is_some_and(|record| record.separate_pairs)
     }
 
+    /// True if the stamps of a recording are placeholders.
+    pub fn is_untimed(&self, run: Option<&str>) -> bool {
+        let mut records = self.runs.iter();
+        records.any(|record| record.is_untimed && Some(record.name.as_str()) == run)
+    }
+
     /// A part of the scenario.
     ///
     /// # Errors

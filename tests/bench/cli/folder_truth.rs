@@ -372,11 +372,14 @@ fn frames_without_times_are_shown_by_their_numbers() {
         fixture.write(&format!("q/depth/{name}.png"), png(SIZE, &steps()));
     }
     fixture.write("q/calib.txt", CALIB);
-    let line = "score q --truth depth/*.png --algo bm:max_disparity=8 --rerun none";
+    let line = "score q --truth depth/*.png --algo b=bm:max_disparity=8 \
+                --algo v=v3:max_disparity=8 --rerun none";
     fixture.transcript(&format!(
         "{line} -o r
         cat r/index.html => q, frame 1</h3> | >frame 0</button> | a bar per frame \
-        | bm:max_disparity=8, frame 1: | !bar per second
+        | b, frame 1: | !bar per second
+        compare r#b r#v -o c.html => before
+        cat c.html => q, frame | !, at 
         {line} --fps 10 -o timed
         cat timed/index.html => q, frame 1, 0.10 s</h3> | a bar per second"
     ));
