@@ -379,7 +379,7 @@ fn frames_without_times_are_shown_by_their_numbers() {
         cat r/index.html => q, frame 1</h3> | >frame 0</button> | a bar per frame \
         | b, frame 1: | !bar per second
         compare r#b r#v -o c.html => before
-        cat c.html => q, frame | !, at 
+        cat c.html => q, frame | !frame 0, at | !frame 1, at
         {line} --fps 10 -o timed
         cat timed/index.html => q, frame 1, 0.10 s</h3> | a bar per second"
     ));
