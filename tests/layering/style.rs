@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 14307),
+    ("report", 14335),
     ("score", 8939),
     ("sim", 3510),
     ("thesis", 2644),
