@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13304),
+    ("bench", 13345),
     ("c", 478),
     ("calibrate", 4948),
-    ("cli", 10904),
+    ("cli", 10958),
     ("core", 19543),
-    ("files", 2546),
+    ("files", 2551),
     ("grab", 5131),
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 14247),
-    ("score", 8931),
+    ("report", 14335),
+    ("score", 8939),
     ("sim", 3510),
     ("thesis", 2644),
     ("train", 3372),
