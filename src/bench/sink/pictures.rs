@@ -40,7 +40,7 @@ pub(super) struct BlockShots {
     samples: Vec<(u64, Vec<RawFrame>)>,
     /// The worst frames by algorithm.
     worst: BTreeMap<String, WorstFrames<RawFrame>>,
-    /// Those of the blocks before: as bad a frame is none of the run's worst.
+    /// The worst of the blocks before: as bad a frame is none of the run's worst.
     earlier: BTreeMap<String, WorstFrames<(), MAX_EARLIER>>,
     /// What the shots of the frame at a place share.
     shared: Option<(u64, Arc<SharedFrame>)>,
