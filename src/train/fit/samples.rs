@@ -1,5 +1,6 @@
 //! Cells of frames with a truth, as samples for the tables of cells.
 
+use std::ops::RangeInclusive;
 use svl_core::depth::decision::{SafeChoice, Tolerance, reported_depth};
 use svl_core::matcher::has_small_cells;
 use svl_core::stereo::{Cell, CellDepth, CellEvidence, LevelCell, LevelVerdict};
@@ -32,6 +33,8 @@ pub enum CellTarget {
     Median,
     /// Nearest quarter of the cell.
     Near,
+    /// Any surface that is in front of the others: between the nearest twentieth and that quarter.
+    Surface,
 }
 
 /// The cells of a pair, with or without a truth, by one algorithm.
@@ -71,6 +74,16 @@ impl PairCell {
         report.filter(|report| *report > 0)
     }
 
+    /// True for a report of a nearer surface that v5 may show: its tolerance is not narrow, and a
+    /// known report of the cell is not of the same surface.
+    pub fn is_beside(&self, own: &Self) -> bool {
+        let [first, last] = self.ends.map(i64::from);
+        let known = own.report().filter(|_| own.known);
+        self.report().is_some_and(|report| {
+            last - first > 10 && known.is_none_or(|known| 2 * known < report + first)
+        })
+    }
+
     /// The sample for a table, if the cell has a truth.
     pub fn sample(&self, group: usize) -> Option<CellSample> {
         Some(CellSample {
@@ -98,8 +111,10 @@ pub fn pair_cells(
             (Some(truth), CellTarget::Median) => {
                 truth.grid().iter().map(|(_, cell)| cell.depth).collect()
             }
-            (Some(truth), CellTarget::Near) => truth.near().collect(),
+            (Some(truth), _) => truth.near().collect(),
         };
+        let is_surface = *target == CellTarget::Surface;
+        let surfaces_m = is_surface.then(|| surfaces_m(judged, judge));
         let (_, clear_m) = judge.cells.obstacle_and_clear_m();
         let decision = |i: usize, cell: &Cell, level: &LevelCell| {
             let found = level.evidence.and_then(|evidence| {
@@ -111,9 +126,15 @@ pub fn pair_cells(
             PairCell {
                 evidence,
                 // `None` if the rule finds no truth.
-                right: wanted[i].zip(truth).and_then(|(wanted, truth)| {
-                    is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
-                }),
+                right: match &surfaces_m {
+                    None => wanted[i].zip(truth).and_then(|(wanted, truth)| {
+                        is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
+                    }),
+                    Some(ranges_m) => ranges_m[i].as_ref().map(|range_m| {
+                        let depth_m = reported.and_then(|depth| depth.distance_m);
+                        depth_m.is_some_and(|depth_m| range_m.contains(&depth_m))
+                    }),
+                },
                 known: cell.depth.is_some() && cell.level == level.level,
                 is_refused: matches!(
                     level.verdict,
@@ -140,4 +161,29 @@ pub fn pair_cells(
     };
     let algorithms = judged.estimates.iter().zip(targets);
     algorithms.map(of_algorithm).collect()
+}
+
+/// The distances, per cell, that a report of its nearer surface may have: those of the nearest
+/// twentieth to the nearest quarter of its pixels, each with its tolerance; `None` without a rig, or
+/// if less than half of the pixels have a truth.
+fn surfaces_m(judged: &Judged, judge: &Judge) -> Vec<Option<RangeInclusive<f64>>> {
+    let (shape, rig) = (judge.grid.shape(), judged.frame.rig());
+    let truth = judged.frame.truth.as_ref().map(|truth| &truth.disparity);
+    let range_m = |i: usize| {
+        let (rig, truth) = (rig?, truth?);
+        let place = (i % shape.columns, i / shape.columns);
+        let (columns, rows) = shape.pixels(place, truth.size());
+        let pixels = columns.len() * rows.len();
+        let values = rows.flat_map(|y| &truth.row(y)[columns.clone()]).copied();
+        let mut values: Vec<_> = values.filter(|px| *px < f32::INFINITY).collect();
+        values.sort_unstable_by(|a, b| b.total_cmp(a));
+        let known = Some(values).filter(|values| 2 * values.len() > pixels)?;
+        let [first, last] = [5, 25].map(|percent| {
+            let px = known[percent * known.len() / 100];
+            let distance_m = rig.depth_m(px.into()).unwrap_or(f64::INFINITY);
+            (distance_m, judge.cells.tolerance_at_m(distance_m))
+        });
+        Some(first.0 - first.1..=last.0 + last.1)
+    };
+    (0..shape.cells()).map(range_m).collect()
 }
