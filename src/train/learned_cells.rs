@@ -5,6 +5,7 @@ use crate::fit::{
 };
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::slice::from_ref;
 use svl_bench::console::{Console, Watch};
 use svl_bench::pass::{Matchers, frames_through};
 use svl_bench::runs::runs;
@@ -275,15 +276,13 @@ impl LearnedCells {
             let Ok([median, near, surface]) = <[PairCells; 3]>::try_from(cells) else {
                 continue;
             };
-            // Small cells are decided at one level.
             let small = |role| median.is_small.then_some(role);
-            let beside = surface.cells.iter().zip(&median.cells);
-            let beside = beside.filter(|(cell, own)| median.is_small && cell.is_beside(own));
-            let surfaces = beside.map(|(cell, _)| std::slice::from_ref(cell));
-            let surfaces = surfaces.map(|levels| (small(TableRole::NearSmall), levels));
             let levels = median.cells.chunks_exact(median.levels);
-            let cells = levels.map(|levels| (small(TableRole::Small), levels));
-            for (role, levels) in cells.chain(surfaces) {
+            let medians = levels.map(|levels| (small(TableRole::Small), levels));
+            let surfaces = surface.cells.iter().filter(|cell| cell.is_wide());
+            let surfaces = surfaces.map(|cell| (small(TableRole::NearSmall), from_ref(cell)));
+            let surfaces = surfaces.filter(|(role, _)| role.is_some());
+            for (role, levels) in medians.chain(surfaces) {
                 let sample = |cell: &PairCell| cell.sample(group).filter(|_| !cell.is_refused);
                 if levels.iter().any(|cell| cell.right.is_some()) {
                     self.cells.push(LearnedCell {

@@ -74,14 +74,10 @@ impl PairCell {
         report.filter(|report| *report > 0)
     }
 
-    /// True for a report of a nearer surface that v5 may show: its tolerance is not narrow, and a
-    /// known report of the cell is not of the same surface.
-    pub fn is_beside(&self, own: &Self) -> bool {
-        let [first, last] = self.ends.map(i64::from);
-        let known = own.report().filter(|_| own.known);
-        self.report().is_some_and(|report| {
-            last - first > 10 && known.is_none_or(|known| 2 * known < report + first)
-        })
+    /// True for a report above 0 that may be one of a nearer surface: its tolerance is not narrow.
+    pub fn is_wide(&self) -> bool {
+        let [first, last] = self.ends;
+        self.report().is_some() && last - first > 10
     }
 
     /// The sample for a table, if the cell has a truth.
