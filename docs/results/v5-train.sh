@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The tables of v5 for small cells, their nearer surfaces first, and for several sizes of images:
+# The tables of v5 for small cells and their nearer surfaces, and for several sizes of images:
 # bash docs/results/v5-train.sh [small]
 # Writes reports/v5-train/small.safetensors, two minutes, then v5.safetensors beside it, which has all of these tables;
 # network and tables of small images are the built-in ones.

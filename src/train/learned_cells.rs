@@ -65,12 +65,12 @@ pub enum TableRole {
 impl TableRole {
     /// Each role, in the order in which the tables are fitted: finer ones decide first.
     pub const ALL: [Self; 6] = [
-        Self::NearSmall,
         Self::Single,
         Self::Finest,
         Self::Middle,
         Self::Coarsest,
         Self::Small,
+        Self::NearSmall,
     ];
 
     /// The role of a level, of that many, for cells of the usual size.

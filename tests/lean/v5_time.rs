@@ -330,6 +330,7 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
     let table = model.near_small.as_ref().unwrap();
     let rig = rig();
     let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 21);
+    let confident = algorithm.with("confidence", &Value::Real(0.97)).unwrap();
     let (mut shown, mut hidden, mut flags) = (0, 0, 0);
     for run_pair in &run(&[None; 16]) {
         let nearest = cells(&mut *near.build().unwrap(), run_pair, Some(rig));
@@ -360,6 +361,11 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
                 ..*cell
             };
             assert_eq!(rest, *before);
+        }
+        // A confidence is that of the map alone.
+        let fewer = cells(&mut *confident.build().unwrap(), run_pair, Some(rig));
+        for (cell, fewer) in now.iter().zip(&fewer) {
+            assert!(cell.depth.is_some() || cell.surface == fewer.surface);
         }
         let without = cells(&mut *algorithm.build().unwrap(), run_pair, None);
         assert!(

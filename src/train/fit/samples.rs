@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use svl_core::depth::decision::{SafeChoice, Tolerance, reported_depth};
 use svl_core::matcher::has_small_cells;
-use svl_core::stereo::{Cell, CellDepth, CellEvidence, LevelCell, LevelVerdict};
+use svl_core::stereo::{Cell, CellDepth, CellEvidence, CellRule, LevelCell, LevelVerdict, Rig};
 use svl_score::judge::{Judge, Judged, is_right};
 
 /// A cell, reportable or not.
@@ -159,9 +159,8 @@ pub fn pair_cells(
     algorithms.map(of_algorithm).collect()
 }
 
-/// The distances, per cell, that a report of its nearer surface may have: those of the nearest
-/// twentieth to the nearest quarter of its pixels, each with its tolerance; `None` without a rig, or
-/// if less than half of the pixels have a truth.
+/// The distances that a report of each cell's nearer surface may have; `None` without a rig, or if
+/// less than half of its pixels have a truth.
 fn surfaces_m(judged: &Judged, judge: &Judge) -> Vec<Option<RangeInclusive<f64>>> {
     let (shape, rig) = (judge.grid.shape(), judged.frame.rig());
     let truth = judged.frame.truth.as_ref().map(|truth| &truth.disparity);
@@ -171,15 +170,56 @@ fn surfaces_m(judged: &Judged, judge: &Judge) -> Vec<Option<RangeInclusive<f64>>
         let (columns, rows) = shape.pixels(place, truth.size());
         let pixels = columns.len() * rows.len();
         let values = rows.flat_map(|y| &truth.row(y)[columns.clone()]).copied();
-        let mut values: Vec<_> = values.filter(|px| *px < f32::INFINITY).collect();
-        values.sort_unstable_by(|a, b| b.total_cmp(a));
-        let known = Some(values).filter(|values| 2 * values.len() > pixels)?;
-        let [first, last] = [5, 25].map(|percent| {
-            let px = known[percent * known.len() / 100];
-            let distance_m = rig.depth_m(px.into()).unwrap_or(f64::INFINITY);
-            (distance_m, judge.cells.tolerance_at_m(distance_m))
-        });
-        Some(first.0 - first.1..=last.0 + last.1)
+        let known: Vec<_> = values.filter(|px| *px < f32::INFINITY).collect();
+        (2 * known.len() > pixels).then(|| surface_m(known, rig, judge.cells))
     };
     (0..shape.cells()).map(range_m).collect()
+}
+
+/// The distances from the nearest twentieth of these disparities to their nearest quarter, with
+/// the tolerance of each: what fills less than a quarter is a surface, too.
+fn surface_m(mut px: Vec<f32>, rig: &Rig, rule: CellRule) -> RangeInclusive<f64> {
+    px.sort_unstable_by(|a, b| b.total_cmp(a));
+    let [nearest, quarter] = [5, 25].map(|percent| {
+        let px = px[percent * px.len() / 100];
+        rig.depth_m(px.into()).unwrap_or(f64::INFINITY)
+    });
+    nearest - rule.tolerance_at_m(nearest)..=quarter + rule.tolerance_at_m(quarter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_surface_that_fills_a_tenth_is_one() {
+        let rig = Rig::new(320.0, (160.0, 120.0), 0.05, 0.0).unwrap();
+        let cell = |tenths: usize| {
+            let px = |i| if i < 10 * tenths { 16.0 } else { 4.0 };
+            surface_m((0..100).map(px).collect(), &rig, CellRule::default())
+        };
+        // A surface at 1 m before one at 4 m.
+        assert_eq!(cell(0), 3.2..=4.8);
+        assert_eq!(cell(1), 0.8..=4.8);
+        assert_eq!(cell(3), 0.8..=1.2);
+        let far = surface_m(vec![0.0; 9], &rig, CellRule::default());
+        assert!(!far.contains(&50.0));
+    }
+
+    #[test]
+    fn narrow_tolerances_are_no_samples_of_surfaces() {
+        let cell = |report, ends| PairCell {
+            evidence: Some(CellEvidence {
+                report,
+                ..CellEvidence::default()
+            }),
+            right: Some(true),
+            known: false,
+            is_refused: false,
+            ends,
+            is_near: false,
+        };
+        assert!(cell(50, [45, 56]).is_wide() && !cell(50, [45, 55]).is_wide());
+        assert!(!cell(0, [-6, 6]).is_wide());
+    }
 }
