@@ -38,8 +38,8 @@ impl TrainingPart {
     }
 }
 
-/// The algorithms whose cells are learned: v5 for the median, for the nearest quarter, and that with
-/// the table for nearer surfaces.
+/// The algorithms whose cells are learned: v5 for the median, for the nearest quarter, and the
+/// latter with the table for nearer surfaces.
 pub struct CellAlgorithms {
     pub median: Algorithm,
     pub near: Algorithm,
