@@ -145,7 +145,7 @@ fn a_model_of_an_earlier_revision_decides_as_before() {
 }
 
 /// Reports that are known by the least score of near ones alone: none is beyond 0.75 m in a cell
-/// whose nearest quarter reports less than 0.5 m. Such a cell is as before, so that a flag names it.
+/// whose nearest quarter reports less than 0.5 m. Such a cell is as before: a flag may name it.
 #[test]
 fn a_near_report_hides_no_nearer_quarter() {
     let v5: Algorithm = "v5".parse().unwrap();
