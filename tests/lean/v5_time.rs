@@ -255,6 +255,35 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
     }
 }
 
+/// 7 × 4 cells are decided at one size, and not small, in images of 400 and of 404 px.
+#[test]
+fn the_least_score_of_near_reports_is_that_of_narrow_images() {
+    let mut model = V5Model::built_in();
+    model.median.base -= 20_000;
+    model.median.near_least_score = Some(-50_000);
+    let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
+    let algorithm = algorithm.with("model", &Value::file("m", model.to_bytes()));
+    let algorithm = algorithm.unwrap();
+    let known = |width: usize, confidence: f64| {
+        let run_pair = RunPair {
+            pair: pair(Scene::Noise, (width, 240), 6, 120, 0),
+            sequence: 0,
+            stamp_ns: None,
+        };
+        let mut context = context(&run_pair, Some(rig()));
+        (context.grid.columns, context.grid.rows) = (7, 4);
+        let algorithm = algorithm
+            .with("confidence", &Value::Real(confidence))
+            .unwrap();
+        let cells = decided(&mut *algorithm.build().unwrap(), &run_pair, &context);
+        cells.iter().filter(|cell| cell.depth.is_some()).count()
+    };
+    assert!(known(400, 0.0) > 14, "{}", known(400, 0.0));
+    assert_eq!(known(404, 0.0), 0);
+    // None if a confidence is given.
+    assert_eq!(known(400, 0.8), 0);
+}
+
 #[test]
 fn a_pair_after_a_reset_is_the_pair_alone() {
     let algorithm = algorithm();
