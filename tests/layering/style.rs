@@ -71,8 +71,8 @@ const LINES: [(&str, usize); 16] = [
     ("bench", 13345),
     ("c", 478),
     ("calibrate", 4948),
-    ("cli", 10958),
-    ("core", 19543),
+    ("cli", 10963),
+    ("core", 19560),
     ("files", 2551),
     ("grab", 5131),
     ("live", 417),
@@ -82,7 +82,7 @@ const LINES: [(&str, usize); 16] = [
     ("score", 8939),
     ("sim", 3510),
     ("thesis", 2644),
-    ("train", 3372),
+    ("train", 3435),
     ("viewer", 1776),
 ];
 
