@@ -71,7 +71,7 @@ const LINES: [(&str, usize); 16] = [
     ("bench", 13345),
     ("c", 478),
     ("calibrate", 4948),
-    ("cli", 10963),
+    ("cli", 10968),
     ("core", 19560),
     ("files", 2551),
     ("grab", 5131),
