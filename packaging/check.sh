@@ -4,14 +4,15 @@
 # one, whose installers do not run here, and svl runs in it under qemu: that needs qemu-user-static and python3-pip, too.
 set -euo pipefail
 [ "$(id -u)" = 0 ] || exec sudo "$0" "$@"
-packages="$(realpath "$1")" notebook="$(realpath "$(dirname "$0")")/../examples/python/report.ipynb"
+packages="$(realpath "$1")" repository="$(realpath "$(dirname "$0")/..")"
+notebook="$repository/examples/python/report.ipynb" examples="$repository/src/c/examples"
 deb="$(echo "$packages"/svl_*.deb)" tar="$(echo "$packages"/svl-*.tar.gz)" wheel="$(echo "$packages"/svl_bench-*.whl)"
 root="$(mktemp -d)"
 trap 'rm -rf "$root"' EXIT
 architecture="$(dpkg-deb -f "$deb" Architecture)"
 machine="$(basename "$tar" -linux.tar.gz)" && machine="${machine##*-}"
 if [ "$architecture" = "$(dpkg --print-architecture)" ]; then
-  how=install frames=40 emulator=() debian=(--include=python3-pip,python3-numpy,man-db)
+  how=install frames=40 emulator=() debian=("--include=python3-pip,python3-numpy,man-db,g++,cmake,make,pkg-config")
 else
   how=unpack frames=6 emulator=("/usr/bin/qemu-$machine-static")
   debian=(--include=python3-numpy --foreign "--arch=$architecture")
@@ -72,6 +73,23 @@ unpack_wheel() {
 unpack_deb() { dpkg-deb -x "$deb" "$place"; }
 unpack_tar() { tar -C "$place/usr/local" --strip-components 1 -xzf "$tar"; }
 
+# A program in C++ of the C library, as pkg-config and CMake find it.
+links_library() {
+  cp "$examples/stop.cpp" "$place/tmp/"
+  cat > "$place/tmp/CMakeLists.txt" << 'CMAKE'
+cmake_minimum_required(VERSION 3.13)
+project(stop CXX)
+find_package(svl 0.1 REQUIRED)
+add_executable(stop stop.cpp)
+target_link_libraries(stop svl::svl)
+CMAKE
+  # shellcheck disable=SC2016
+  inside bash -euc '
+    ldconfig && cd /tmp
+    c++ -std=c++11 -Wall -Werror stop.cpp $(pkg-config --cflags --libs svl) -o pkg-config-stop && ./pkg-config-stop > one
+    cmake -S . -B build > /dev/null && cmake --build build > /dev/null && build/stop > two
+    cmp one two && test -s one'
+}
 depends="$(dpkg-deb -f "$deb" Depends)"
 [ "$depends" = "libc6 (>= 2.31)" ] || { echo "the Debian package depends on $depends" >&2; exit 1; }
 # In a fresh copy.
@@ -87,7 +105,10 @@ for package in wheel deb tar; do
   svl --version
   if [ "$how" = install ]; then
     inside man -w svl
+    documents="$place${program%/bin/svl}/share/doc/svl"
+    for file in README.md THIRD-PARTY-NOTICES.txt svl.cdx.json; do test -s "$documents/$file"; done
     inside sh -c 'ls /usr/share/bash-completion/completions/svl /usr/local/share/bash-completion/completions/svl 2> /dev/null || true'
+    [ "$package" = wheel ] || links_library
   fi
   svl -q record --frames "$frames" -o /root/run.mcap
   svl info /root/run.mcap

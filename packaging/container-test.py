@@ -33,7 +33,7 @@ class Stage:
     def __init__(self, image, folder):
         self.root, self.env, self.workdir, self.user = folder, {"HOME": "/root"}, "/", None
         self.env["PATH"] = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
-        release = re.fullmatch(r"debian:(\w+)-slim", image)[1]
+        release = re.fullmatch(r"debian:(\w+)-slim@sha256:\w{64}", image)[1]
         subprocess.run(["debootstrap", "--variant=minbase", release, folder], check=True, stdout=subprocess.DEVNULL)
         shutil.copy("/etc/resolv.conf", folder / "etc/resolv.conf")
         # A proxy here may have a certificate that only this machine knows.

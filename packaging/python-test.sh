@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the wheel, installs it into a virtual environment, and runs tests/python/svl_bench_test.py there. Without maturin
-# it is skipped.
+# it fails.
 #
 #   packaging/python-test.sh                       # in the profile release
 #   packaging/python-test.sh work
@@ -11,8 +11,8 @@ cd "$(dirname "$0")/.."
 profile="${1:-release}"
 python="${SVL_PYTHON:-python3}"
 if ! "$python" -c 'import maturin, numpy' 2> /dev/null; then
-  echo "no Python with maturin, numpy; SVL_PYTHON names one" | tee -a "${SVL_SKIPPED:-/dev/null}" >&2
-  exit
+  echo "maturin, numpy: missing; pip install -r tests/python/requirements.txt, and SVL_PYTHON names that Python" >&2
+  exit 1
 fi
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT

@@ -90,6 +90,8 @@ step there replay arena.mcap $algorithms --verify=rows.csv
 # The renderer asks the platform for sin, cos and powf: are the arenas the same?
 there -q record arena --frames 6 -o aarch64.mcap
 step "$here" replay aarch64.mcap --verify=rows.csv
+# shellcheck disable=SC2086
 "$here" -q score arena.mcap $algorithms --rerun none -o x86
+# shellcheck disable=SC2086
 there -q score arena.mcap $algorithms --rerun none -o aarch64
 step "$here" compare x86 aarch64

@@ -8,7 +8,7 @@ packages="iproute2 pkg-config libaravis-dev libusb-1.0-0-dev aravis-tools"
 fake=arv-fake-gv-camera-0.8
 
 missing() {
-  for tool in ip unshare pkg-config $fake; do command -v $tool >/dev/null || return 0; done
+  for tool in ip unshare pkg-config $fake; do command -v "$tool" >/dev/null || return 0; done
   ! pkg-config --exists aravis-0.8
 }
 if [ "${1-}" != in-its-namespace ]; then
@@ -43,6 +43,7 @@ cameras=""
 trap 'kill $cameras 2>/dev/null || true; rm -rf "$work"' EXIT
 
 # camera NUMBER OPTIONS: starts one at the other end of a cable, 10.77.NUMBER.2; its process is $!.
+# shellcheck disable=SC2016
 camera() {
   unshare --net sh -c 'ip link add plug type veth peer name "cable$1" netns "$2" && ip link set plug up
     ip addr add "10.77.$1.2/24" dev plug; shift 2; exec "$@"' camera "$1" $$ $fake -i plug "$2" "$3" "$4" "$5" &

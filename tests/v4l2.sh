@@ -7,6 +7,7 @@ cd "$(dirname "$0")/.."
 packages="qemu-system-x86 linux-image-amd64 busybox-static v4l-utils cpio kmod xz-utils python3-minimal"
 limit_s=240
 
+# shellcheck disable=SC2012
 newest_kernel() { ls /lib/modules/*/kernel/drivers/media/test-drivers/vivid/vivid.ko* 2>/dev/null | tail -1 | cut -d/ -f4; }
 missing() {
   for tool in qemu-system-x86_64 busybox v4l2-ctl cpio modprobe; do command -v $tool >/dev/null || return 0; done

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
-# The tables of v5 for several sizes of images and for small cells: bash docs/results/v5-train.sh
-# Writes reports/v5-train/v5.safetensors, with the built-in network and tables of small images.
+# The tables of v5 for small cells and their nearer surfaces, and for several sizes of images:
+# bash docs/results/v5-train.sh [small]
+# Writes reports/v5-train/small.safetensors, two minutes, then v5.safetensors beside it, which has all of these tables;
+# network and tables of small images are the built-in ones.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 svl="$(realpath "${SVL:-target/release/svl}")"
@@ -14,6 +16,7 @@ scenario() {
   [ "$1" != boards ] || base=shapes-training
   [ "$1" != arena ] || frames="10\nrate_hz = 0.35"
   [ "$3" != narrow ] || { seeds=61..66; tolerance=$'tolerance_m = 0.02\ntolerance_percent = 5.0'; }
+  [ "$4" = 5x3 ] || case "$3" in wide) seeds=41..66 ;; narrow) seeds=67..78 ;; esac
   {
     sed -e "/^\[grid\]/,/^$/d" -e "/^\[cells\]/,/^$/d" -e "/^\[arena.rig\]/,/^$/d" -e "/^rate_hz/d" \
       -e "s/^name = .*/name = \"$1-$2\"/" -e "s/^seeds = .*/seeds = \"$seeds\"/" \
@@ -25,15 +28,18 @@ scenario() {
   } > "$1-$2-$3-$4.toml"
   echo "$1-$2-$3-$4.toml"
 }
-# all CELLS WIDTH...
+# all CELLS "KIND..." WIDTH...
 all() {
-  local cells="$1"
-  shift
-  for width in "$@"; do for kind in arena worlds shapes boards; do for rule in wide narrow; do
-    scenario $kind "$width" $rule "$cells"
+  local cells="$1" kinds="$2"
+  shift 2
+  for width in "$@"; do for kind in $kinds; do for rule in wide narrow; do
+    scenario "$kind" "$width" $rule "$cells"
   done; done; done
 }
+# Boards and larger images make tables of small cells too sure at 320 px.
 # shellcheck disable=SC2046
-"$svl" train v5 $(all 5x3 640 960) --tables-only --algo v5:max_disparity=160 -o levels.safetensors --force
+"$svl" train v5 $(all 24x12 "arena worlds shapes" 320) --tables-only -o small.safetensors --force
+[ "${1:-}" = small ] && exit
 # shellcheck disable=SC2046
-"$svl" train v5 $(all 24x12 320 640 960) --tables-only --algo v5:model=levels.safetensors -o v5.safetensors --force
+"$svl" train v5 $(all 5x3 "arena worlds shapes boards" 640 960) --tables-only \
+  --algo v5:model=small.safetensors,max_disparity=160 -o v5.safetensors --force

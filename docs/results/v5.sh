@@ -39,6 +39,7 @@ if [ -n "$datasets" ]; then
   score street scenarios/kitti2012.toml --data "$datasets" --scenes kitti2012-000000_10
   sets="$sets middlebury playground street"
 fi
+# shellcheck disable=SC2086
 python3 - $sets << 'PYTHON'
 import collections, csv, math, random, sys
 

@@ -4,17 +4,19 @@
 #
 #   src/c/install.sh /usr/local && ldconfig                                   # as root
 #   src/c/install.sh robot/svl --release --target aarch64-unknown-linux-gnu   # more arguments are cargo's
+#
+# SVL_CARGO names another cargo: packaging/build.sh takes cargo-zigbuild, for an old glibc.
 set -euo pipefail
 [ $# -gt 0 ] || { echo "usage: src/c/install.sh PREFIX [arguments of cargo, default --release]" >&2; exit 2; }
 mkdir -p "$1"
-prefix="$(CDPATH= cd -- "$1" && pwd)" && shift
+prefix="$(CDPATH="" cd -- "$1" && pwd)" && shift
 [ $# -gt 0 ] || set -- --release
 cd "$(dirname "$0")"
 
 version="$(cargo pkgid --quiet)" && version="${version##*[#@]}"
 # Minor versions of 0.x may break programs.
 abi="${version%%.*}" && [ "$abi" != 0 ] || abi="${version%.*}"
-built="$(cargo rustc --quiet --locked --lib --crate-type cdylib,staticlib --message-format json-render-diagnostics "$@" \
+built="$("${SVL_CARGO:-cargo}" rustc --quiet --locked --lib --crate-type cdylib,staticlib --message-format json-render-diagnostics "$@" \
   -- -C "link-arg=-Wl,-soname,libsvl.so.$abi" | grep -o '"[^"]*/libsvl_c\.\(a\|so\)"' | tr -d '"' | sort -u)"
 library() { grep -m 1 "\.$1\$" <<< "$built"; }
 

@@ -171,7 +171,8 @@ mod tests {
             assert!(program.find_subcommand(synonym).is_none(), "{synonym}");
             for name in *commands {
                 let name = name.split(' ').next().unwrap_or_default();
-                assert!(program.find_subcommand(name).is_some(), "{synonym}: {name}");
+                let is_known = program.find_subcommand(name).is_some() || name == "--version";
+                assert!(is_known, "{synonym}: {name}");
             }
         }
     }

@@ -329,8 +329,16 @@ impl Output {
         let folder = self
             .folder
             .map_or_else(|| parent(&self.path), |_| &self.path);
-        let moved = new.iter().try_for_each(|file| into(folder, file));
-        moved.map_err(|e| self.refused(&e))?;
+        let place = |file: &PathBuf| folder.join(file.file_name().unwrap_or_default());
+        if let Some(path) = new.iter().map(place).find(|path| path.is_dir()) {
+            let shown = path.display();
+            return Err(Error::Invalid(format!(
+                "{shown}: is a folder in the place of a file; remove or rename it"
+            )));
+        }
+        let moved = new.iter();
+        let mut moved = moved.map(|file| std::fs::rename(file, place(file)));
+        moved.try_for_each(|moved| moved.map_err(|e| self.refused(&e)))?;
         if self.folder.is_some_and(|rule| rule.inner.is_none()) {
             let is_new = |file: &PathBuf| new.iter().any(|new| new.file_name() == file.file_name());
             let earlier = files(folder)?.into_iter().filter(|file| self.holds(file));
@@ -395,11 +403,6 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
         .map_err(|e| Error::io(folder, e))
-}
-
-/// Moves a file into a folder.
-fn into(folder: &Path, file: &Path) -> std::io::Result<()> {
-    std::fs::rename(file, folder.join(file.file_name().unwrap_or_default()))
 }
 
 fn may_write(path: &Path, force: bool) -> Result<()> {
@@ -554,6 +557,23 @@ mod tests {
         outputs.begin().unwrap_err();
         drop(outputs);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "another's");
+    }
+
+    #[test]
+    fn a_folder_in_the_place_of_a_file_is_named_and_nothing_is_moved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("b.csv")).unwrap();
+        let mut outputs = Outputs::remake(folder.path(), &RULE);
+        outputs.begin().unwrap();
+        let place = outputs.place(folder.path());
+        for name in ["a.json", "b.csv"] {
+            std::fs::write(place.join(name), "new").unwrap();
+        }
+        let error = outputs.commit().unwrap_err().to_string();
+        let words = format!("{}: is a folder in the place", path("b.csv").display());
+        assert!(error.starts_with(&words), "{error}");
+        assert!(!path("a.json").exists());
     }
 
     #[test]

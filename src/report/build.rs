@@ -30,7 +30,7 @@ use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
 use svl_score::losses::{EndState, Ending, FailedPairs, LossLimit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
 use svl_score::notice::Notice;
-use svl_score::scenario::{Limit, SourceOptions};
+use svl_score::scenario::{Limit, RangeEnds, SourceOptions};
 
 /// What a report shows of its units.
 #[derive(Clone, Copy, Default)]
@@ -147,8 +147,9 @@ pub fn results_so_far(folder: &Path) -> Result<ResultsSoFar> {
 /// The recordings of the runs.
 fn replays(plan: &ReportPlan, runs: &[RunUnits]) -> Result<Replays> {
     let source: SourceOptions = plan.manifest.part("source")?.unwrap_or_default();
-    let runs = runs.iter().filter(|own| own.run.stress.is_none());
-    let runs = runs.filter_map(|RunUnits { run, facts, .. }| {
+    let runs = || runs.iter().filter(|own| own.run.stress.is_none());
+    let untimed = runs().filter(|own| own.facts.record.as_ref().is_some_and(|own| own.is_untimed));
+    let files = runs().filter_map(|RunUnits { run, facts, .. }| {
         // The arena is recorded first.
         let made = || Some(facts.files.first()?.path().display().to_string());
         let record = facts.record.as_ref().map(|record| record.path.clone());
@@ -159,7 +160,8 @@ fn replays(plan: &ReportPlan, runs: &[RunUnits]) -> Result<Replays> {
         Some(((run.seed, run.run.clone()), (file, facts.start_ns?)))
     });
     Ok(Replays {
-        runs: runs.collect(),
+        runs: files.collect(),
+        untimed: untimed.filter_map(|own| own.run.run.clone()).collect(),
         options: source.words()?,
         algorithms: plan.manifest.part("algorithms")?.unwrap_or_default(),
     })
@@ -298,10 +300,12 @@ impl Report<'_> {
         let manifest = &self.plan.manifest;
         let rule: CellRule = manifest.part("cells")?.unwrap_or_default();
         let source: SourceOptions = manifest.part("source")?.unwrap_or_default();
+        let ranges: Option<RangeEnds> = manifest.part("ranges")?;
         let has = [
             ("--area", self.options.area != AreaChoice::default()),
             ("--beyond", rule.beyond_m().is_some()),
             ("--camera-height", source.camera_height_m.is_some()),
+            ("--ranges", ranges.is_some_and(|ranges| !ranges.is_empty())),
         ];
         let named: Vec<_> = has.iter().filter(|own| own.1).map(|own| own.0).collect();
         let is_untold = !self.plan.is_driven() && !named.is_empty();

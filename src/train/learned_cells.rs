@@ -5,6 +5,7 @@ use crate::fit::{
 };
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::slice::from_ref;
 use svl_bench::console::{Console, Watch};
 use svl_bench::pass::{Matchers, frames_through};
 use svl_bench::runs::runs;
@@ -37,13 +38,15 @@ impl TrainingPart {
     }
 }
 
-/// The algorithms whose cells are learned: v5 for the median, and for the nearest quarter.
+/// The algorithms whose cells are learned: v5 for the median, for the nearest quarter, and the
+/// latter with the table for nearer surfaces.
 pub struct CellAlgorithms {
     pub median: Algorithm,
     pub near: Algorithm,
+    pub surface: Algorithm,
 }
 
-/// A table of the median, by the images and cells that it is for.
+/// A table, by the images and cells that it is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TableRole {
@@ -55,16 +58,19 @@ pub enum TableRole {
     Coarsest,
     /// Cells of few pixels, at any size.
     Small,
+    /// Their nearer surfaces.
+    NearSmall,
 }
 
 impl TableRole {
     /// Each role, in the order in which the tables are fitted: finer ones decide first.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Single,
         Self::Finest,
         Self::Middle,
         Self::Coarsest,
         Self::Small,
+        Self::NearSmall,
     ];
 
     /// The role of a level, of that many, for cells of the usual size.
@@ -88,6 +94,7 @@ impl TableRole {
             Self::Middle => "sizes between",
             Self::Coarsest => "coarsest size of several",
             Self::Small => "small cells",
+            Self::NearSmall => "nearer surfaces of small cells",
         }
     }
 
@@ -99,6 +106,7 @@ impl TableRole {
             Self::Middle => &model.levels.middle,
             Self::Coarsest => &model.levels.coarsest,
             Self::Small => &model.levels.small,
+            Self::NearSmall => model.near_small.as_ref().unwrap_or(&model.near),
         }
     }
 
@@ -110,6 +118,7 @@ impl TableRole {
             Self::Middle => &mut model.levels.middle,
             Self::Coarsest => &mut model.levels.coarsest,
             Self::Small => &mut model.levels.small,
+            Self::NearSmall => model.near_small.get_or_insert_with(|| model.near.clone()),
         }
     }
 }
@@ -118,8 +127,8 @@ impl TableRole {
 struct LearnedCell {
     /// Place of its scenario.
     scenario: usize,
-    /// True if it has few pixels.
-    is_small: bool,
+    /// The role of its table, unless that depends on the level: of a cell of few pixels.
+    role: Option<TableRole>,
     /// The decisions at each size; `None` for a report that failed a test.
     levels: Vec<Option<CellSample>>,
 }
@@ -127,7 +136,7 @@ struct LearnedCell {
 /// The cells of all scenarios.
 #[derive(Default)]
 pub struct LearnedCells {
-    /// By the median of a cell.
+    /// By the median of a cell, and small ones once more by their nearer surface.
     cells: Vec<LearnedCell>,
     /// By the nearest quarter, with their weights, of the scenarios that are fitted to.
     near: (Vec<CellSample>, Vec<f64>),
@@ -174,11 +183,16 @@ impl LearnedCells {
         (share, tested): (TrainingPart, bool),
         console: &dyn Console,
     ) -> Result<()> {
-        let CellAlgorithms { median, near } = algorithms;
-        scenario.algorithms = vec![median.clone(), near.clone()];
-        let targets: [(CellTarget, SafeChoice); 2] = [
+        let CellAlgorithms {
+            median,
+            near,
+            surface,
+        } = algorithms;
+        scenario.algorithms = vec![median.clone(), near.clone(), surface.clone()];
+        let targets: [(CellTarget, SafeChoice); 3] = [
             (CellTarget::Median, safe_choice(median)?),
             (CellTarget::Near, safe_choice(near)?),
+            (CellTarget::Surface, safe_choice(surface)?),
         ];
         let mut matchers = Matchers::new(&scenario.algorithms)?.without_warnings();
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
@@ -259,16 +273,21 @@ impl LearnedCells {
         let (mut pairs, scenario) = (Vec::new(), self.scenarios.len());
         for (name, cells) in collected {
             let group = self.group(name);
-            let mut cells = cells.into_iter();
-            let (Some(median), Some(near)) = (cells.next(), cells.next()) else {
+            let Ok([median, near, surface]) = <[PairCells; 3]>::try_from(cells) else {
                 continue;
             };
-            for levels in median.cells.chunks_exact(median.levels) {
+            let small = |role| median.is_small.then_some(role);
+            let levels = median.cells.chunks_exact(median.levels);
+            let medians = levels.map(|levels| (small(TableRole::Small), levels));
+            let surfaces = surface.cells.iter().filter(|cell| cell.is_wide());
+            let surfaces = surfaces.map(|cell| (small(TableRole::NearSmall), from_ref(cell)));
+            let surfaces = surfaces.filter(|(role, _)| role.is_some());
+            for (role, levels) in medians.chain(surfaces) {
                 let sample = |cell: &PairCell| cell.sample(group).filter(|_| !cell.is_refused);
                 if levels.iter().any(|cell| cell.right.is_some()) {
                     self.cells.push(LearnedCell {
                         scenario,
-                        is_small: median.is_small,
+                        role,
                         levels: levels.iter().map(sample).collect(),
                     });
                 }
@@ -289,11 +308,8 @@ impl LearnedCells {
         for cell in &self.cells {
             let levels = cell.levels.len();
             for (level, sample) in cell.levels.iter().enumerate() {
-                let level_role = if cell.is_small {
-                    TableRole::Small
-                } else {
-                    TableRole::for_level(level, levels)
-                };
+                let by_level = || TableRole::for_level(level, levels);
+                let level_role = cell.role.unwrap_or_else(by_level);
                 let decides = sample.is_some_and(|sample| {
                     let score = |evidence| level_role.table(model).score(&evidence);
                     sample

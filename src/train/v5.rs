@@ -80,6 +80,9 @@ pub fn train_v5(
         .map(|settings| learn_network(&scenarios, settings, console))
         .transpose()?;
     let mut model = base;
+    // A model without a table for nearer surfaces gets one of small cells alone.
+    let present = model.near_small.clone();
+    model.near_small = present.clone().or_else(|| V5Model::built_in().near_small);
     // The tables are fitted to pairs alone.
     let time = model.median.time.take();
     let least = time.as_ref().map(|time| time.least_score);
@@ -132,6 +135,12 @@ pub fn train_v5(
         time
     };
     complete_levels(&mut model, &tables);
+    if tables
+        .iter()
+        .all(|table| table.table != TableRole::NearSmall)
+    {
+        model.near_small = present;
+    }
     Ok(TrainedV5 {
         training: V5Training {
             network: network.map(|network| network.training),
@@ -188,8 +197,13 @@ fn complete_levels(model: &mut V5Model, fitted: &[CellTraining]) {
         role.table_mut(model).base -= if is_fitted(role) { lost } else { 0 };
     }
     let time = model.median.time.clone();
-    for role in &TableRole::ALL[1..] {
-        let table = role.table_mut(model);
+    let levels = &mut model.levels;
+    for table in [
+        &mut levels.finest,
+        &mut levels.middle,
+        &mut levels.coarsest,
+        &mut levels.small,
+    ] {
         table.time = time.clone().map(|time| TimeTable {
             least_score: table.least_score,
             ..time

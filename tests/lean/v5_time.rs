@@ -103,12 +103,15 @@ fn expected(
     let time = table.time.clone().unwrap();
     let tolerance = Tolerance::new(CellRule::default(), rig.as_ref(), 0.25, 16 * 21);
     let mut single = algorithm.build().unwrap();
+    let near = algorithm.with("target", &Value::Choice("near")).unwrap();
+    let mut near = near.build().unwrap();
     let mut states = [State::default(); 15];
     let mut last: Option<&RunPair> = None;
     let mut all = Vec::new();
     for run_pair in run {
         single.reset();
         let alone = cells(&mut *single, run_pair, rig);
+        let nearest = cells(&mut *near, run_pair, rig);
         let continues = last.is_some_and(|last| match (last.stamp_ns, run_pair.stamp_ns) {
             (Some(a), Some(b)) => a < b && b <= a + 1000 * MS,
             (None, None) => run_pair.sequence == last.sequence + 1,
@@ -119,7 +122,7 @@ fn expected(
         }
         last = Some(run_pair);
         let mut decided = Vec::new();
-        for (cell, state) in alone.iter().zip(&mut states) {
+        for ((cell, nearest), state) in alone.iter().zip(nearest).zip(&mut states) {
             let Some(evidence) = cell.evidence else {
                 *state = State::default();
                 decided.push((false, f64::NAN));
@@ -132,12 +135,19 @@ fn expected(
             } else {
                 let e = c.clamp(0, 14_000);
                 let [lo, hi] = tolerance.ends(b as usize).map(i64::from);
-                let is_clear_nearer =
-                    rig.is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < 0.75));
-                let is_beyond_nearer = rig
-                    .is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < beyond_m));
-                let near_least = table.near_least_score.filter(|_| is_beyond_nearer);
-                least = near_least.unwrap_or(least);
+                let is_nearer = |b: i64, metres: f64| {
+                    let depth_m = rig.and_then(|rig| rig.depth_m(b as f64 / 8.0));
+                    b > 0 && depth_m.is_some_and(|z| z < metres)
+                };
+                let is_clear_nearer = is_nearer(b, 0.75);
+                let is_hiding =
+                    !is_clear_nearer && is_nearer(nearest.evidence.unwrap().report, 0.5);
+                let least_of = |score: i64, least: i64| {
+                    let near_least = table.near_least_score.filter(|_| is_nearer(b, beyond_m));
+                    let near_least = near_least.filter(|_| score >= least || !is_hiding);
+                    near_least.unwrap_or(least)
+                };
+                least = least_of(c, least);
                 let (mut g, agrees) = match state.v {
                     0 => (0, false),
                     v if lo <= v && v <= hi => (time.agrees.score(state.s), true),
@@ -148,7 +158,7 @@ fn expected(
                     g = g.max(0);
                 }
                 if state.v != 0 {
-                    (score, least) = (c + g, near_least.unwrap_or(time.least_score));
+                    (score, least) = (c + g, least_of(c + g, time.least_score));
                 }
                 let is_apart = match (state.added, run_pair.stamp_ns) {
                     (Some(a), Some(now)) => now - a >= 400 * MS,
@@ -245,6 +255,35 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
     }
 }
 
+/// 7 × 4 cells are decided at one size, and not small, in images of 400 and of 404 px.
+#[test]
+fn the_least_score_of_near_reports_is_that_of_narrow_images() {
+    let mut model = V5Model::built_in();
+    model.median.base -= 20_000;
+    model.median.near_least_score = Some(-50_000);
+    let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
+    let algorithm = algorithm.with("model", &Value::file("m", model.to_bytes()));
+    let algorithm = algorithm.unwrap();
+    let known = |width: usize, confidence: f64| {
+        let run_pair = RunPair {
+            pair: pair(Scene::Noise, (width, 240), 6, 120, 0),
+            sequence: 0,
+            stamp_ns: None,
+        };
+        let mut context = context(&run_pair, Some(rig()));
+        (context.grid.columns, context.grid.rows) = (7, 4);
+        let algorithm = algorithm
+            .with("confidence", &Value::Real(confidence))
+            .unwrap();
+        let cells = decided(&mut *algorithm.build().unwrap(), &run_pair, &context);
+        cells.iter().filter(|cell| cell.depth.is_some()).count()
+    };
+    assert!(known(400, 0.0) > 14, "{}", known(400, 0.0));
+    assert_eq!(known(404, 0.0), 0);
+    // None if a confidence is given.
+    assert_eq!(known(400, 0.8), 0);
+}
+
 #[test]
 fn a_pair_after_a_reset_is_the_pair_alone() {
     let algorithm = algorithm();
@@ -320,6 +359,7 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
     let table = model.near_small.as_ref().unwrap();
     let rig = rig();
     let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 21);
+    let confident = algorithm.with("confidence", &Value::Real(0.97)).unwrap();
     let (mut shown, mut hidden, mut flags) = (0, 0, 0);
     for run_pair in &run(&[None; 16]) {
         let nearest = cells(&mut *near.build().unwrap(), run_pair, Some(rig));
@@ -350,6 +390,11 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
                 ..*cell
             };
             assert_eq!(rest, *before);
+        }
+        // A confidence is that of the map alone.
+        let fewer = cells(&mut *confident.build().unwrap(), run_pair, Some(rig));
+        for (cell, fewer) in now.iter().zip(&fewer) {
+            assert!(cell.depth.is_some() || cell.surface == fewer.surface);
         }
         let without = cells(&mut *algorithm.build().unwrap(), run_pair, None);
         assert!(

@@ -1,5 +1,6 @@
 # Runs in the virtual machine of tests/v4l2.sh, as root, with two vivid cameras (/dev/video0, /dev/video1), one with
 # images in several planes (/dev/video2) and one that gives none (/dev/video3). USB webcams are plugged in at the end.
+# shellcheck shell=sh disable=SC2015,SC2046,SC2164
 svl=$1
 house=$2
 both=v4l2:/dev/video0,/dev/video1

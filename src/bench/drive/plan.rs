@@ -317,6 +317,7 @@ impl DriveSink {
             about: format!(
                 "The two seconds before it hit '{with}' at {speed:.2} m/s, its fastest collision."
             ),
+            is_film: true,
             shots: shots.collect::<Result<_>>()?,
             ..CheckpointFigure::default()
         })

@@ -1,11 +1,12 @@
 //! Merges reports of shards: their units become those of one report.
 
+use super::shard::Shard;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted, joined};
 use svl_files::outputs::remove_file;
-use svl_report::units::{ReportPlan, RunUnits, Units};
+use svl_report::units::{PlannedAlgorithm, ReportPlan, RunUnits, Units};
 use svl_score::manifest::{Manifest, Purpose};
 use svl_score::notice::Notice;
 
@@ -134,25 +135,39 @@ impl Parts {
     /// Refuses parts that together lack results.
     fn check_whole(&self) -> Result<()> {
         let plan = &self.0[0].plan;
-        let mut partial = Vec::new();
+        let (mut partial, mut absent) = (Vec::new(), None);
         for (i, run) in plan.runs.iter().enumerate() {
             let part_runs = || self.0.iter().map(|part| &part.runs[i]);
             let read = part_runs().find(|run| plan.is_driven() || run.is_read());
-            let has_all = |label: &str| {
-                let units = part_runs().flat_map(|run| run.units(label));
-                let blocks: BTreeSet<u64> = units.map(|(block, _)| block).collect();
-                read.is_some_and(|run| blocks.len() as u64 == run.blocks(plan))
+            let blocks = read.map(|run| run.blocks(plan));
+            let lacked = |own: &PlannedAlgorithm<'_>| {
+                let has = |block| part_runs().any(|run| run.unit(own.label, block).is_some());
+                let block = (0..blocks?).find(|block| !has(*block))?;
+                let name = own.unit_name(block, &read?.facts.pairs);
+                Some(Units::for_report(Path::new("")).unit_path(run, &name))
             };
-            let algorithms = plan.algorithms_of(run);
-            if !algorithms.iter().all(|own| has_all(own.label)) {
+            let file = plan.algorithms_of(run).iter().find_map(lacked);
+            if blocks.is_none() || file.is_some() {
                 partial.push(run.words());
             }
+            absent = absent.or(file);
         }
         let Some(first) = partial.first() else {
             return Ok(());
         };
         let sessions = self.0.iter().flat_map(|part| &part.sessions);
         let shards: BTreeSet<_> = sessions.filter_map(|own| own.shard.as_deref()).collect();
+        let mut all = shards.iter().filter_map(|own| own.parse::<Shard>().ok());
+        if let (Some(file), Some(shard)) = (absent, all.next())
+            && shard.count == shards.len()
+        {
+            return Err(Error::Invalid(format!(
+                "{}: is in none of the parts, which are of all {} shards; copy or run its part \
+                 again",
+                file.display(),
+                shards.len()
+            )));
+        }
         let (runs, shards) = (counted(partial.len() as u64, "run"), joined(shards));
         Err(Error::Invalid(format!(
             "{runs} incomplete, from {first} on: the parts have shard {shards}; run the others, \

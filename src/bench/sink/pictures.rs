@@ -30,7 +30,8 @@ const MAX_SCENE_WIDTH: usize = 200;
 pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,
     cells: CellRule,
-    start_ns: u64,
+    /// Stamp of the first pair; absent if stamps are placeholders.
+    start_ns: Option<u64>,
     /// True if the pairs are perturbed, so that none is shown.
     is_perturbed: bool,
     /// Tallies of leading frames, by checkpoint and algorithm.
@@ -39,7 +40,7 @@ pub(super) struct BlockShots {
     samples: Vec<(u64, Vec<RawFrame>)>,
     /// The worst frames by algorithm.
     worst: BTreeMap<String, WorstFrames<RawFrame>>,
-    /// Those of the blocks before: as bad a frame is none of the run's worst.
+    /// The worst of the blocks before: as bad a frame is none of the run's worst.
     earlier: BTreeMap<String, WorstFrames<(), MAX_EARLIER>>,
     /// What the shots of the frame at a place share.
     shared: Option<(u64, Arc<SharedFrame>)>,
@@ -204,7 +205,7 @@ impl BlockShots {
         Self {
             checkpoints: start.judge.checkpoints.clone(),
             cells: start.judge.cells,
-            start_ns: start.judge.run.start_ns,
+            start_ns: (!start.judge.run.is_untimed).then_some(start.judge.run.start_ns),
             is_perturbed: start.judge.run.stress.is_some(),
             ..Self::default()
         }
@@ -402,7 +403,9 @@ impl BlockShots {
     /// The heading of a frame, without its shots.
     fn figure(&self, identity: &RowIdentity, judged: &Judged) -> CheckpointFigure {
         let frame = &judged.frame;
-        let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
+        let at_s = |start_ns| frame.stamp_ns.saturating_sub(start_ns) as f64 / 1e9;
+        let at_s = self.start_ns.map(at_s);
+        let time = at_s.map(|at_s| format!(", {at_s:.2} s"));
         let seed = identity.seed.map(|seed| format!("seed {seed}"));
         let run = identity.run.clone().or(seed).unwrap_or_default();
         let shown = judged
@@ -411,9 +414,13 @@ impl BlockShots {
             .flat_map(|scored| &scored.checkpoints);
         let shows: BTreeSet<_> = shown.map(|(i, _)| self.checkpoints[*i].number).collect();
         CheckpointFigure {
-            title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
+            title: format!(
+                "{run}, frame {}{}",
+                frame.sequence,
+                time.unwrap_or_default()
+            ),
             shows: shows.into_iter().collect(),
-            at_s: Some(seconds),
+            at_s,
             ..CheckpointFigure::default()
         }
     }

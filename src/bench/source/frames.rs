@@ -118,6 +118,15 @@ pub trait Source: Send {
             .map_or(Ok(false), |source| source.seek(index))
     }
 
+    /// Leaves out at most so many frames unread, where none of them can be lost. Returns their
+    /// number. Wrappers, which may have to see every frame, leave out none.
+    ///
+    /// # Errors
+    /// The errors of [`Source::next`].
+    fn skip(&mut self, _: u64) -> Result<u64> {
+        Ok(0)
+    }
+
     /// Stamp of the source's first pair, which may be before the range that is read, once it was
     /// read; none without a range.
     fn start_ns(&self) -> Option<u64> {

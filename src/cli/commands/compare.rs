@@ -189,7 +189,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     show(args, &comparisons, &reasons)?;
     match &complaints(&cases)[..] {
-        [] => all_compared(&comparisons, reasons),
+        [] => all_compared(&comparisons, reasons, args.columns.as_ref()),
         [one] => Err(usage::gate(one)),
         [first, more @ ..] => Err(usage::gate(format!("{first}; and {} more", more.len()))),
     }
@@ -309,8 +309,16 @@ fn strict(cases: &[TestCase]) -> Vec<TestCase> {
     strict.collect()
 }
 
-/// Fails if a report has nothing that was compared. `reasons`: those without a comparison.
-fn all_compared(comparisons: &[Comparison], mut reasons: Vec<String>) -> anyhow::Result<()> {
+/// Fails if a report has nothing that was compared, or none of the metrics that were asked for.
+/// `reasons`: those without a comparison.
+fn all_compared(
+    comparisons: &[Comparison],
+    mut reasons: Vec<String>,
+    columns: Option<&ColumnChoice>,
+) -> anyhow::Result<()> {
+    let measured = comparisons.iter().filter(|own| own.has_pairs());
+    let lacks = |own: &Comparison| own.lacks(columns?);
+    reasons.extend(measured.filter_map(lacks));
     let without_pairs = comparisons.iter().filter(|own| !own.has_pairs());
     reasons.extend(without_pairs.map(|own| {
         let (base, other) = (own.base.display(), own.other.display());

@@ -29,6 +29,7 @@ pub(crate) fn listen_for_interrupt() {
         let handler = move || {
             svl::interrupt::request();
             if first.get_or_insert_with(Instant::now).elapsed() > SAME_INTERRUPT {
+                super::log::finish();
                 std::process::exit(130);
             }
         };

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use svl::alternatives;
+use svl::files::has_ending;
 use svl::losses::Incomplete;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
@@ -21,6 +22,12 @@ use svl::stereo::GridShape;
 pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("run", &["score", "replay"]),
     ("test", &["score", "eval"]),
+    ("stats", &["info"]),
+    ("version", &["--version"]),
+    ("viz", &["view"]),
+    ("merge", &["report"]),
+    ("export", &["replay", "report"]),
+    ("download", &["datasets"]),
     ("evaluate", &["score", "eval"]),
     ("diff", &["compare"]),
     ("plot", &["view", "compare"]),
@@ -49,6 +56,11 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
 /// Options in other programs, or of another command, and what does the same here.
 pub(crate) const OPTION_SYNONYMS: &[(&str, &str)] = &[
     ("--algorithm", "--algo"),
+    (
+        "--baseline",
+        "`svl compare BASE OTHER` for a report, --calib for cameras",
+    ),
+    ("--camera", "--calib"),
     ("--ci", "--gate, --junit FILE.xml"),
     (
         "--dataset",
@@ -58,11 +70,27 @@ pub(crate) const OPTION_SYNONYMS: &[(&str, &str)] = &[
         "--depth",
         "--truth for the truth, --algo topic:… for a contestant",
     ),
+    ("--end", "--to"),
+    ("--format", "--json, --markdown, or the ending of -o"),
     ("--frame", "--from, --to"),
     ("--frames", "--every, --from, --to"),
     ("--ground-truth", "--truth"),
     ("--gt", "--truth"),
+    ("--jobs", "--threads"),
+    ("-j", "--threads"),
     ("--html", "-o: index.html in that folder is the page"),
+    (
+        "--left",
+        "the images without an option: `svl match LEFT RIGHT`",
+    ),
+    (
+        "--right",
+        "the images without an option: `svl match LEFT RIGHT`",
+    ),
+    ("--limit", "--every, --from, --to"),
+    ("--max-frames", "--every, --from, --to"),
+    ("--matcher", "--algo"),
+    ("--method", "--algo"),
     ("--max-disparity", "a parameter: --algo bm:max_disparity=64"),
     ("--max-disp", "a parameter: --algo bm:max_disparity=64"),
     ("--near", "--near of `svl score`"),
@@ -71,7 +99,14 @@ pub(crate) const OPTION_SYNONYMS: &[(&str, &str)] = &[
         "a parameter: --algo bm:max_disparity=64",
     ),
     ("--out", "-o"),
+    ("--outdir", "-o"),
+    ("--output-dir", "-o"),
     ("--pdf", "index.html of the report, printed by a browser"),
+    ("--rate", "--fps"),
+    ("--skip", "--from"),
+    ("--start", "--from"),
+    ("--step", "--every"),
+    ("--stride", "--every"),
     ("--threshold", "--tolerance"),
     ("--topic", "--left, --right, --truth"),
     ("--topics", "--left, --right, --truth"),
@@ -141,6 +176,8 @@ pub(crate) fn report_clap(error: &Error, program: &Command) -> ExitCode {
             // clap sets tips apart by a line of their own.
             |text, line| match (text.is_empty(), line.starts_with("tip: ")) {
                 (true, _) => line.to_owned(),
+                // No value of svl looks like an option.
+                _ if line.starts_with("tip: to pass ") => text,
                 (_, true) => format!("{text}; {line}"),
                 _ => format!("{text} {line}"),
             },
@@ -238,6 +275,17 @@ pub(crate) fn metric(name: &str) -> Result<&'static Metric, MetricFault> {
 /// The name of a file with one of these extensions.
 pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
+}
+
+/// The name of a map, or of a folder of maps: a recording has pairs in place of them.
+pub(crate) fn map() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        let is_recording = ["bag", "db3", "mcap"]
+            .iter()
+            .any(|own| has_ending(&path, own));
+        let words = || format!("is a recording: `svl score {}` scores it", path.display());
+        if is_recording { Err(words()) } else { Ok(path) }
+    })
 }
 
 /// [`ending`], or `-`: standard output.

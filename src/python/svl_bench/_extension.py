@@ -22,4 +22,5 @@ except ImportError as error:
         f"wheels for Linux with glibc 2.31 or later on x86_64 and aarch64 ({error})"
     ) from error
 
+__all__ = ["__version__", "extension"]
 __version__: str = extension.__version__

@@ -142,7 +142,10 @@ def compare(
     `svl compare`. A report, its folder, or FOLDER#ALGORITHM. options: map=["v3=v5"]."""
     reports = (base, other, *others)
     names = [os.fspath(r.folder if isinstance(r, Report) else r) for r in reports]
-    return json.loads(_run("compare", *words(options), "--json", "--", *names)[1])
+    changes: list[dict[str, Any]] = json.loads(
+        _run("compare", *words(options), "--json", "--", *names)[1]
+    )
+    return changes
 
 
 def record(source: PathLike, output: PathLike, **options: Any) -> Path:

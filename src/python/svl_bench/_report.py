@@ -68,22 +68,16 @@ class Report:
 
 
 def _polars(stem: Path) -> Any:
-    import polars
-
-    return polars.read_parquet(stem.with_suffix(".parquet"))
+    return importlib.import_module("polars").read_parquet(stem.with_suffix(".parquet"))
 
 
 def _pyarrow(stem: Path) -> Any:
-    from pyarrow import parquet
-
-    return parquet.read_table(stem.with_suffix(".parquet"))
+    return importlib.import_module("pyarrow.parquet").read_table(stem.with_suffix(".parquet"))
 
 
 def _pandas(stem: Path) -> Any:
-    import pandas
-
     # Parquet needs another library besides.
-    return pandas.read_csv(stem.with_suffix(".csv"))
+    return importlib.import_module("pandas").read_csv(stem.with_suffix(".csv"))
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {

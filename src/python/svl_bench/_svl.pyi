@@ -27,7 +27,7 @@ class RangerHandle:
         left: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
         right: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
         stamp_ns: int | None,
-        bits: int,
+        bits: int | None,
         is_bgr: bool,
     ) -> list[npt.NDArray[Any]]: ...
     def reset(self) -> None: ...

@@ -24,15 +24,23 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import io
 import json
 import os
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Callable, Sequence
+from typing import TYPE_CHECKING, Any, BinaryIO, Callable, Iterable, Sequence
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Bytes = npt.NDArray[np.uint8]
+    Floats = npt.NDArray[np.float32]
+    Line = dict[str, Any]
 
 __version__ = "0.1.0"
 
@@ -99,7 +107,8 @@ def serve(
     """
     source, target = open(0, "rb", closefd=False), _private_stdout()
     with_requests = len(inspect.signature(function).parameters) > 2
-    is_first, warm = True, set()
+    is_first = True
+    warm: set[tuple[tuple[int, int], int]] = set()
     while lines := _read_batch(source):
         pairs = [_read_pair(source, lines[0])]
         # The next line of a batch comes after the images of the last.
@@ -118,6 +127,7 @@ def serve(
         if with_requests:
             arguments.append(requests if batch > 1 else requests[0])
         size = (lines[0]["height"], lines[0]["width"])
+        replies: list[tuple[Line, bytes | memoryview]] = []
         try:
             if (size, len(pairs)) not in warm:
                 # The first of a size sets up memory, and is not timed.
@@ -131,7 +141,6 @@ def serve(
                 disparities, cells = [disparities], None if cells is None else [cells]
             if len(disparities) != len(pairs):
                 raise ValueError(f"{len(disparities)} maps of disparities, expected {len(pairs)}")
-            replies = []
             for i, request in enumerate(requests):
                 reply = {"seq": lines[i]["seq"], "millis": millis}
                 if cells is not None:
@@ -145,31 +154,31 @@ def serve(
             _write(target, reply, pixels)
 
 
-def _private_stdout():
+def _private_stdout() -> BinaryIO:
     """Standard output for the answers alone: what else is printed goes to standard error."""
     sys.stdout.flush()
-    private = os.fdopen(os.dup(1), "wb", buffering=0)
+    private: BinaryIO = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
     sys.stdout = sys.stderr
     return private
 
 
-def _read_batch(source):
+def _read_batch(source: io.BufferedReader) -> list[Line]:
     line = source.readline()
     return [json.loads(line)] if line else []
 
 
-def _read_pair(source, line):
-    shape = (line["height"], line["width"])
+def _read_pair(source: io.BufferedReader, line: Line) -> tuple[Bytes, Bytes]:
+    shape: tuple[int, ...] = (line["height"], line["width"])
     if line["channels"] > 1:
         shape = (*shape, line["channels"])
     images = np.empty((2, *shape), np.uint8)
-    if source.readinto(memoryview(images).cast("B")) < images.nbytes:
+    if source.readinto(images.data.cast("B")) < images.nbytes:
         sys.exit("svl's input ended within an image")
     return images[0], images[1]
 
 
-def _request(line):
+def _request(line: Line) -> Request:
     return Request(
         line["sequence"],
         line.get("name"),
@@ -181,16 +190,16 @@ def _request(line):
     )
 
 
-def _write(target, reply, pixels=b""):
-    for part in (json.dumps(reply).encode() + b"\n", pixels):
-        part = memoryview(part)
+def _write(target: BinaryIO, reply: Line, pixels: bytes | memoryview = b"") -> None:
+    for data in (json.dumps(reply).encode() + b"\n", pixels):
+        part = memoryview(data)
         while part.nbytes:
             part = part[target.write(part) :]
 
 
-def _pixels(disparity, size):
+def _pixels(disparity: Any, size: tuple[int, int]) -> memoryview:
     if isinstance(disparity, np.ma.MaskedArray):
-        disparity = disparity.astype(np.float32).filled(np.inf)
+        disparity = np.ma.filled(disparity.astype(np.float32), np.inf)
     disparity = np.asarray(disparity)
     if disparity.dtype.kind not in "biuf":
         raise TypeError(f"disparities of type {disparity.dtype}, expected numbers")
@@ -201,15 +210,15 @@ def _pixels(disparity, size):
     finite = np.isfinite(disparity)
     if not finite.all():
         disparity = np.where(finite, disparity, np.float32(np.inf))
-    return memoryview(disparity).cast("B")
+    return memoryview(disparity.data).cast("B")
 
 
-def _cells(cells, grid):
+def _cells(cells: Iterable[Any], grid: tuple[int, int]) -> list[dict[str, float] | None]:
     cells = list(cells)
     if len(cells) != grid[0] * grid[1]:
         raise ValueError(f"{len(cells)} cells, expected {grid[0]} x {grid[1]}")
 
-    def cell(value):
+    def cell(value: Any) -> dict[str, float] | None:
         if value is None:
             return None
         disparity, probability = value if isinstance(value, (tuple, list)) else (value, None)
@@ -256,7 +265,7 @@ def network_options(parser: argparse.ArgumentParser) -> None:
     add("--device", choices=["auto", "cpu", "cuda"], default="auto", help="default: cuda where it is")
 
 
-def _size(text):
+def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
         raise ValueError(text)
@@ -273,14 +282,16 @@ class Network:
         self.channels = {"grey": 1, "rgb": 3, None: channels}[options.channels]
         self.padding = self.scale = (0, 0)
 
-    def inputs(self, images: np.ndarray) -> np.ndarray:
+    def inputs(self, images: npt.NDArray[Any]) -> Floats:
         """Images N x H x W [x 3] as float32, N x C x H' x W'."""
         planes = images[..., None] if images.ndim == 3 else images
         count = planes.shape[-1]
         if count != self.channels:
             # The mean of the channels is looked up by their sum.
             if count > 1:
-                sums = sum(planes[..., channel].astype(np.uint16) for channel in range(count))
+                sums = planes[..., 0].astype(np.uint16)
+                for channel in range(1, count):
+                    sums += planes[..., channel]
                 planes = sums[..., None]
             planes = np.broadcast_to(planes, (*planes.shape[:3], self.channels))
         else:
@@ -301,7 +312,7 @@ class Network:
         padded[..., size[1] :] = padded[..., size[1] - 1 : size[1]]
         return padded
 
-    def _tables(self, count):
+    def _tables(self, count: int) -> list[Floats]:
         """Per channel the normalised value of each sum of `count` pixels, which stands for their mean."""
         factor, mean, deviation = NORMALISATIONS[self.options.normalise]
         if self.channels == 1:
@@ -311,7 +322,7 @@ class Network:
         pixels = np.arange(255 * count + 1, dtype=np.float32) / np.float32(count)
         return [(pixels * np.float32(factor) - m) / d for m, d in zip(means, deviations)]
 
-    def disparities(self, outputs: Any, padded: tuple[int, ...], size: tuple[int, ...]) -> np.ndarray:
+    def disparities(self, outputs: Any, padded: tuple[int, ...], size: tuple[int, ...]) -> Floats:
         """Disparities N x H x W of the images' `size`, from the outputs (an array, or lists and
         dictionaries of them) for inputs of the size `padded`; both are height and width."""
         maps = {name: _planes(array) for name, array in _flat(outputs)}
@@ -328,7 +339,7 @@ class Network:
             found = np.where(confidence < self.options.min_confidence, np.inf, found)
         return found
 
-    def _choice(self, maps, wanted, like):
+    def _choice(self, maps: dict[str, Floats], wanted: str | None, like: str) -> str:
         names = list(maps)
         if wanted is None:
             named = [name for name in names if like in name.lower()] or names
@@ -339,7 +350,9 @@ class Network:
             return names[int(wanted)]
         raise ValueError(f"no output {wanted}; there are {', '.join(names)}")
 
-    def _unpadded(self, maps, padded, size, is_length):
+    def _unpadded(
+        self, maps: Floats, padded: tuple[int, ...], size: tuple[int, ...], is_length: bool
+    ) -> Floats:
         # Of a coarser level of a pyramid, disparities are in its own pixels.
         if maps.shape[1:] != padded:
             maps = resized(maps[:, None], padded)[:, 0] * (padded[1] / maps.shape[2] if is_length else 1)
@@ -349,15 +362,16 @@ class Network:
         return maps
 
 
-def _flat(outputs):
+def _flat(outputs: Any) -> list[tuple[str, Any]]:
     """Outputs by name, of lists and dictionaries of them too."""
+    pairs: Iterable[tuple[Any, Any]]
     if isinstance(outputs, dict):
         pairs = outputs.items()
     elif isinstance(outputs, (list, tuple)):
         pairs = enumerate(outputs)
     else:
         return [("0", outputs)]
-    flat = []
+    flat: list[tuple[str, Any]] = []
     for name, output in pairs:
         if isinstance(output, (dict, list, tuple)):
             flat += [(f"{name}.{inner}", array) for inner, array in _flat(output)]
@@ -366,16 +380,16 @@ def _flat(outputs):
     return [(name, array) for name, array in flat if np.ndim(array) >= 2 and np.shape(array)[-1] > 1]
 
 
-def _planes(array):
+def _planes(array: Any) -> Floats:
     """N x H x W of an output: the first channel, which of a flow is the horizontal one."""
-    array = np.asarray(array, np.float32)
-    return array[None] if array.ndim == 2 else array[:, 0] if array.ndim == 4 else array
+    maps: Floats = np.asarray(array, np.float32)
+    return maps[None] if maps.ndim == 2 else maps[:, 0] if maps.ndim == 4 else maps
 
 
-def resized(planes: np.ndarray, size: Sequence[int]) -> np.ndarray:
+def resized(planes: Floats, size: Sequence[int]) -> Floats:
     """N x C x H x W, resized bilinearly; pixels are areas, as in PyTorch's align_corners=False."""
 
-    def axis(old, new):
+    def axis(old: int, new: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]:
         at = np.clip((np.arange(new) + 0.5) * old / new - 0.5, 0, old - 1)
         low = np.minimum(at.astype(int), max(old - 2, 0))
         return low, np.minimum(low + 1, old - 1), (at - low).astype(np.float32)
@@ -383,7 +397,8 @@ def resized(planes: np.ndarray, size: Sequence[int]) -> np.ndarray:
     low, high, share = axis(planes.shape[2], size[0])
     planes = planes[:, :, low] * (1 - share[:, None]) + planes[:, :, high] * share[:, None]
     low, high, share = axis(planes.shape[3], size[1])
-    return planes[..., low] * (1 - share) + planes[..., high] * share
+    found: Floats = planes[..., low] * (1 - share) + planes[..., high] * share
+    return found
 
 
 def file_hash(path: str | Path) -> str:
@@ -408,7 +423,7 @@ def memory_error(error: BaseException) -> BaseException:
 if __name__ == "__main__":
     # Run as a program, it is a slow example: the best of all disparities by absolute differences.
     @matcher(name="example", version=__version__)
-    def example(left, right, request):
+    def example(left: Bytes, right: Bytes, request: Request) -> Floats:
         wide = left.astype(np.float32)
         best = np.full(left.shape, np.inf, np.float32)
         found = np.full(left.shape, np.nan, np.float32)

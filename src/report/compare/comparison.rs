@@ -309,7 +309,7 @@ impl AlgorithmChange {
             let (theirs, after) = other.pair_errors(own.labels[1], &b, &ranges)?;
             errors = Some([ours, theirs]);
             let ranges = ranges.in_order(&before);
-            // Those of pixels are not known by pair.
+            // Errors of pixels are not known by pair.
             let has_same_pairs = own.unmatched == 0;
             let both = [(base, before, own.labels[0]), (other, after, own.labels[1])];
             by_distance = Some(both.map(|(run, tally, label)| {

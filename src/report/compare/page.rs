@@ -124,7 +124,9 @@ fn frame_title(join: &Join<'_>, row: &Row) -> String {
     let run = join.runs[0].rows.iter();
     let run = run.filter(|own| run_key(own) == run_key(row));
     let began = run.filter_map(time_ns).min();
-    let ns = time_ns(row).zip(began).map(|(ns, began)| ns - began);
+    let is_timed = !join.runs[0].manifest.is_untimed(row.run.as_deref());
+    let ns = time_ns(row).zip(began).filter(|_| is_timed);
+    let ns = ns.map(|(ns, began)| ns - began);
     ns.map_or(origin.clone(), |ns| {
         format!("{origin}, at {:.1} s", ns as f64 / 1e9)
     })

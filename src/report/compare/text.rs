@@ -184,6 +184,18 @@ impl Comparison {
         })
     }
 
+    /// The reason why there is none of these metrics; none if one is compared.
+    pub fn lacks(&self, columns: &ColumnChoice) -> Option<String> {
+        let mut algorithms = self.algorithms.iter();
+        let has_none = algorithms.all(|own| own.rows(columns).is_empty());
+        let reasons = self.not_compared.join("; ");
+        let (base, other) = (self.base.display(), self.other.display());
+        has_none.then(|| match &*reasons {
+            "" => format!("{base} and {other}: one of them measures none of these metrics"),
+            _ => reasons,
+        })
+    }
+
     /// The sentences, the origins of the two, and of each algorithm the pairs and the changes.
     pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
         let [not_compared, caution] = self.remarks();
@@ -202,7 +214,9 @@ impl Comparison {
                 let items = items.unwrap_or_default();
                 let line = format!("{}: {}{items}", own.title(), own.extent());
                 text += &format!("\n{}", wrapped(&line, 2, style.width));
-                text += &own.table(columns).terminal(style);
+                if !own.rows(columns).is_empty() {
+                    text += &own.table(columns).terminal(style);
+                }
             }
         }
         text + "\nmore   -o FILE.html, --columns all, --json\n"

@@ -6,7 +6,6 @@
 use crate::rows::records::{Row, record};
 use crate::rows::samples::{self, run_key};
 use std::collections::{BTreeMap, BTreeSet};
-use svl_core::statistics::lower_median;
 use svl_core::stereo::{Cell, CellDepth, CellRule, Rig};
 use svl_score::judge::{
     AreaChoice, CellArea, CellJudgement, CellTallies, CellTally, CellTruth, MetricValues,
@@ -120,12 +119,12 @@ impl ReferenceTally {
     /// The rows of each reference, in the order of the pairs.
     pub(crate) fn into_rows(self, rule: CellRule) -> Vec<Row> {
         let groups = self.groups();
-        let medians = groups.iter().copied().collect::<BTreeSet<_>>();
-        let medians = medians.into_iter();
-        let medians = medians.map(|group| (group, self.medians_beside(group, &groups)));
-        let medians: BTreeMap<usize, _> = medians.collect();
+        let medians = self.medians(&groups);
         let prior = self.pairs.iter().zip(&groups).map(|(pair, group)| {
-            let median = |cell: &TruthRow| medians[group].get(&(cell.column, cell.row)).copied();
+            let median = |cell: &TruthRow| {
+                let own: &CellMedians = medians.get(&(cell.column, cell.row))?;
+                own.beside.get(group).copied().unwrap_or(own.all)
+            };
             pair.scored(PRIOR, median, rule)
         });
         let exact = self.pairs.iter();
@@ -144,18 +143,50 @@ impl ReferenceTally {
         rows.iter().filter_map(place).collect()
     }
 
-    /// Per cell the median of the true disparities of the other groups' scored cells.
-    fn medians_beside(&self, group: usize, groups: &[usize]) -> BTreeMap<(u32, u32), f64> {
-        let mut values: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
-        let others = self.pairs.iter().zip(groups);
-        let others = others.filter(|(_, own)| **own != group);
-        for cell in others.flat_map(|(pair, _)| &pair.cells) {
-            if let Some(px) = cell.true_median_px {
-                values.entry((cell.column, cell.row)).or_default().push(px);
+    /// Per cell the medians of the true disparities of scored cells.
+    fn medians(&self, groups: &[usize]) -> BTreeMap<(u32, u32), CellMedians> {
+        let mut values: BTreeMap<(u32, u32), Vec<(f64, usize)>> = BTreeMap::new();
+        for (pair, group) in self.pairs.iter().zip(groups) {
+            for cell in &pair.cells {
+                let own = values.entry((cell.column, cell.row)).or_default();
+                own.extend(cell.true_median_px.map(|px| (px, *group)));
             }
         }
-        let median = |(place, values): (_, Vec<f64>)| Some((place, lower_median(values)?));
-        values.into_iter().filter_map(median).collect()
+        let medians = values.into_iter();
+        medians
+            .map(|(place, values)| (place, CellMedians::new(values)))
+            .collect()
+    }
+}
+
+/// The medians of a cell's true disparities.
+struct CellMedians {
+    all: Option<f64>,
+    /// Per group with a value that of the other groups.
+    beside: BTreeMap<usize, Option<f64>>,
+}
+
+impl CellMedians {
+    /// The medians of values with their groups; all are sorted once, however many groups there are.
+    fn new(mut values: Vec<(f64, usize)>) -> Self {
+        values.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
+        let mut places: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (place, (_, group)) in values.iter().enumerate() {
+            places.entry(*group).or_default().push(place);
+        }
+        let median = |left_out: &[usize]| {
+            let others = values.len() - left_out.len();
+            let middle = others.checked_sub(1)? / 2;
+            let place = left_out
+                .iter()
+                .fold(middle, |place, own| place + usize::from(*own <= place));
+            Some(values[place].0)
+        };
+        let beside = places.iter().map(|(group, own)| (*group, median(own)));
+        Self {
+            all: median(&[]),
+            beside: beside.collect(),
+        }
     }
 }
 
@@ -228,6 +259,7 @@ fn metrics(cells: &[CellJudgement], knows_floor: bool, rule: CellRule) -> Metric
 mod tests {
     use super::super::speed::tests::row;
     use super::*;
+    use svl_core::statistics::lower_median;
 
     fn cell(column: u32, true_m: f64) -> TruthRow {
         TruthRow {
@@ -241,6 +273,23 @@ mod tests {
             is_clear_floor: Some(true_m > 0.75),
             depth_px_m: 10.0,
             doffs_px: 0.0,
+        }
+    }
+
+    #[test]
+    fn the_median_beside_a_group_is_that_of_the_others() {
+        let mut random = fastrand::Rng::with_seed(1);
+        for count in 0..60 {
+            let values: Vec<_> = (0..count)
+                .map(|_| (f64::from(random.u8(..9)), random.usize(..4)))
+                .collect();
+            let medians = CellMedians::new(values.clone());
+            for group in 0..5 {
+                let others = values.iter().filter(|(_, own)| *own != group);
+                let expected = lower_median(others.map(|(px, _)| *px));
+                let own = medians.beside.get(&group).copied();
+                assert_eq!(own.unwrap_or(medians.all), expected, "{values:?}");
+            }
         }
     }
 

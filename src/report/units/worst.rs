@@ -79,12 +79,14 @@ impl<T, const N: usize> Default for WorstFrames<T, N> {
 }
 
 impl<T, const N: usize> WorstFrames<T, N> {
-    /// True if a frame that is so bad may be one of the worst.
+    /// True if a frame that is so bad may be one of the worst: never one without a missed or wrong
+    /// cell.
     pub fn takes(&self, badness: &Badness) -> bool {
         let is_worse = |own: &WorstFrame<T>| badness.order(&own.badness).is_gt();
         // Neighbours of worse frames fill no place.
         let is_full = self.0.len() >= N + MAX_SPARE && self.chosen().len() == N;
-        !is_full || self.0.iter().any(is_worse)
+        let is_bad = badness.missed + badness.wrong > 0;
+        is_bad && (!is_full || self.0.iter().any(is_worse))
     }
 
     /// Adds a frame.
@@ -159,9 +161,15 @@ mod tests {
         let frames = [(0, 5), (8, 6), (16, 7), (30, 1), (39, 2), (49, 2)];
         assert_eq!(chosen(&frames), [(16, 7), (0, 5), (39, 2), (49, 2)]);
         // Neighbours of the worst do not keep a frame away that is far from it.
-        let near = (0..9).map(|tenths| (tenths, 9 - tenths));
-        let frames: Vec<_> = near.chain([(30, 0)]).collect();
-        assert_eq!(chosen(&frames), [(0, 9), (30, 0)]);
+        let near = (0..9).map(|tenths| (tenths, 10 - tenths));
+        let frames: Vec<_> = near.chain([(30, 1)]).collect();
+        assert_eq!(chosen(&frames), [(0, 10), (30, 1)]);
+    }
+
+    #[test]
+    fn a_frame_without_a_fault_is_none_of_the_worst() {
+        assert_eq!(chosen(&[(0, 0), (10, 1), (20, 0)]), [(10, 1)]);
+        assert!(chosen(&[(0, 0)]).is_empty());
     }
 
     #[test]
@@ -189,7 +197,7 @@ mod tests {
                 state = state
                     .wrapping_mul(6_364_136_223_846_793_005)
                     .wrapping_add(1);
-                (state >> 33) % 40
+                1 + (state >> 33) % 40
             };
             let frames: Vec<_> = (0..count).map(|i| (4 * i, wrong())).collect();
             let mut sorted = frames.clone();

@@ -131,6 +131,9 @@ pub struct InputRecord {
     /// True if each pair shows another scene.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub separate_pairs: bool,
+    /// True if it has no times: its stamps are placeholders.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_untimed: bool,
 }
 
 /// An algorithm of a run.
@@ -227,6 +230,12 @@ impl Manifest {
         };
         let record = self.runs.iter().find(|record| record.name == run);
         record.is_some_and(|record| record.separate_pairs)
+    }
+
+    /// True if the stamps of a recording are placeholders.
+    pub fn is_untimed(&self, run: Option<&str>) -> bool {
+        let mut records = self.runs.iter();
+        records.any(|record| record.is_untimed && Some(record.name.as_str()) == run)
     }
 
     /// A part of the scenario.
@@ -395,6 +404,7 @@ impl InputRecord {
             calibration: None,
             pairs_hash: None,
             separate_pairs: false,
+            is_untimed: false,
         }
     }
 

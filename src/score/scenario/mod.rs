@@ -32,17 +32,34 @@ use file::File;
 use std::path::Path;
 use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::CellRule;
+use svl_core::stereo::{CellRule, hash_words};
 use svl_core::{Error, Result, joined};
 use svl_files::{read_text, safe_name};
 use svl_sim::arena::{Arena, ArenaConfig, RandomScenes, WireObject};
 use toml_error::toml_error;
+use xxhash_rust::xxh3::xxh3_128;
 
 /// Largest scenario file accepted, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
+/// Largest number of characters of a recording's name in that of its report.
+const MAX_NAME: usize = 40;
+
 /// Largest number of columns and of rows of a grid.
 pub const MAX_GRID: usize = 64;
+
+/// The name of a recording as that of a report's folder: of a longer one the beginning, and a hash
+/// of it all, so that recordings that begin alike have folders of their own.
+fn short_name(name: &str) -> String {
+    match name.chars().count() {
+        0..=MAX_NAME => safe_name(name, MAX_NAME),
+        _ => format!(
+            "{}-{}",
+            safe_name(name, MAX_NAME - 7),
+            &hash_words(xxh3_128(name.as_bytes()))[1..7]
+        ),
+    }
+}
 
 /// The description of a run: a validated scenario. It is made from a file or the command line, and
 /// [`Scenario::to_toml`] writes it.
@@ -141,7 +158,7 @@ impl Scenario {
         let names: Vec<_> = runs.runs()?.into_iter().map(|run| run.name).collect();
         let (first, more) = (Path::new(&names[0]), names.len() - 1);
         let stem = first.file_stem().unwrap_or_default().to_string_lossy();
-        let stem = safe_name(&stem, 40);
+        let stem = short_name(&stem);
         let name = match (stem.as_str(), more) {
             ("", _) => "recordings".to_owned(),
             (_, 0) => stem,

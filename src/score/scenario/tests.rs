@@ -115,6 +115,16 @@ fn every_key_is_documented() {
 }
 
 #[test]
+fn recordings_that_begin_alike_have_names_of_their_own() {
+    let begin = "2026-11-29-warehouse-3-robot-7-front-left";
+    let names = ["", "-1", "-2"].map(|end| short_name(&format!("{begin}{end}")));
+    let mut lengths = names.iter().map(|name| name.chars().count());
+    assert!(lengths.all(|length| length == MAX_NAME), "{names:?}");
+    assert!(names[0] != names[1] && names[1] != names[2]);
+    assert_eq!(short_name(&begin[..MAX_NAME]), begin[..MAX_NAME]);
+}
+
+#[test]
 fn the_embedded_arena_is_whole() {
     let arena = Scenario::arena().unwrap();
     assert_eq!(arena.checkpoints.len(), 6);

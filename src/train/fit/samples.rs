@@ -1,8 +1,9 @@
 //! Cells of frames with a truth, as samples for the tables of cells.
 
+use std::ops::RangeInclusive;
 use svl_core::depth::decision::{SafeChoice, Tolerance, reported_depth};
 use svl_core::matcher::has_small_cells;
-use svl_core::stereo::{Cell, CellDepth, CellEvidence, LevelCell, LevelVerdict};
+use svl_core::stereo::{Cell, CellDepth, CellEvidence, CellRule, LevelCell, LevelVerdict, Rig};
 use svl_score::judge::{Judge, Judged, is_right};
 
 /// A cell, reportable or not.
@@ -32,6 +33,8 @@ pub enum CellTarget {
     Median,
     /// Nearest quarter of the cell.
     Near,
+    /// Any surface that is in front of the others: between the nearest twentieth and that quarter.
+    Surface,
 }
 
 /// The cells of a pair, with or without a truth, by one algorithm.
@@ -71,6 +74,12 @@ impl PairCell {
         report.filter(|report| *report > 0)
     }
 
+    /// True for a report above 0 that may be one of a nearer surface: its tolerance is not narrow.
+    pub fn is_wide(&self) -> bool {
+        let [first, last] = self.ends;
+        self.report().is_some() && last - first > 10
+    }
+
     /// The sample for a table, if the cell has a truth.
     pub fn sample(&self, group: usize) -> Option<CellSample> {
         Some(CellSample {
@@ -98,8 +107,10 @@ pub fn pair_cells(
             (Some(truth), CellTarget::Median) => {
                 truth.grid().iter().map(|(_, cell)| cell.depth).collect()
             }
-            (Some(truth), CellTarget::Near) => truth.near().collect(),
+            (Some(truth), _) => truth.near().collect(),
         };
+        let is_surface = *target == CellTarget::Surface;
+        let surfaces_m = is_surface.then(|| surfaces_m(judged, judge));
         let (_, clear_m) = judge.cells.obstacle_and_clear_m();
         let decision = |i: usize, cell: &Cell, level: &LevelCell| {
             let found = level.evidence.and_then(|evidence| {
@@ -111,9 +122,15 @@ pub fn pair_cells(
             PairCell {
                 evidence,
                 // `None` if the rule finds no truth.
-                right: wanted[i].zip(truth).and_then(|(wanted, truth)| {
-                    is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
-                }),
+                right: match &surfaces_m {
+                    None => wanted[i].zip(truth).and_then(|(wanted, truth)| {
+                        is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
+                    }),
+                    Some(ranges_m) => ranges_m[i].as_ref().map(|range_m| {
+                        let depth_m = reported.and_then(|depth| depth.distance_m);
+                        depth_m.is_some_and(|depth_m| range_m.contains(&depth_m))
+                    }),
+                },
                 known: cell.depth.is_some() && cell.level == level.level,
                 is_refused: matches!(
                     level.verdict,
@@ -140,4 +157,69 @@ pub fn pair_cells(
     };
     let algorithms = judged.estimates.iter().zip(targets);
     algorithms.map(of_algorithm).collect()
+}
+
+/// The distances that a report of each cell's nearer surface may have; `None` without a rig, or if
+/// less than half of its pixels have a truth.
+fn surfaces_m(judged: &Judged, judge: &Judge) -> Vec<Option<RangeInclusive<f64>>> {
+    let (shape, rig) = (judge.grid.shape(), judged.frame.rig());
+    let truth = judged.frame.truth.as_ref().map(|truth| &truth.disparity);
+    let range_m = |i: usize| {
+        let (rig, truth) = (rig?, truth?);
+        let place = (i % shape.columns, i / shape.columns);
+        let (columns, rows) = shape.pixels(place, truth.size());
+        let pixels = columns.len() * rows.len();
+        let values = rows.flat_map(|y| &truth.row(y)[columns.clone()]).copied();
+        let known: Vec<_> = values.filter(|px| *px < f32::INFINITY).collect();
+        (2 * known.len() > pixels).then(|| surface_m(known, rig, judge.cells))
+    };
+    (0..shape.cells()).map(range_m).collect()
+}
+
+/// The distances from the nearest twentieth of these disparities to their nearest quarter, with
+/// the tolerance of each: what fills less than a quarter is a surface, too.
+fn surface_m(mut px: Vec<f32>, rig: &Rig, rule: CellRule) -> RangeInclusive<f64> {
+    px.sort_unstable_by(|a, b| b.total_cmp(a));
+    let [nearest, quarter] = [5, 25].map(|percent| {
+        let px = px[percent * px.len() / 100];
+        rig.depth_m(px.into()).unwrap_or(f64::INFINITY)
+    });
+    nearest - rule.tolerance_at_m(nearest)..=quarter + rule.tolerance_at_m(quarter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_surface_that_fills_a_tenth_is_one() {
+        let rig = Rig::new(320.0, (160.0, 120.0), 0.05, 0.0).unwrap();
+        let cell = |tenths: usize| {
+            let px = |i| if i < 10 * tenths { 16.0 } else { 4.0 };
+            surface_m((0..100).map(px).collect(), &rig, CellRule::default())
+        };
+        // A surface at 1 m before one at 4 m.
+        assert_eq!(cell(0), 3.2..=4.8);
+        assert_eq!(cell(1), 0.8..=4.8);
+        assert_eq!(cell(3), 0.8..=1.2);
+        let far = surface_m(vec![0.0; 9], &rig, CellRule::default());
+        assert!(!far.contains(&50.0));
+    }
+
+    #[test]
+    fn narrow_tolerances_are_no_samples_of_surfaces() {
+        let cell = |report, ends| PairCell {
+            evidence: Some(CellEvidence {
+                report,
+                ..CellEvidence::default()
+            }),
+            right: Some(true),
+            known: false,
+            is_refused: false,
+            ends,
+            is_near: false,
+        };
+        assert!(cell(50, [45, 56]).is_wide() && !cell(50, [45, 55]).is_wide());
+        assert!(!cell(0, [-6, 6]).is_wide());
+    }
 }

@@ -7,11 +7,11 @@ mod oracle;
 use oracle::V5;
 use svl::arena::{Arena, ArenaConfig};
 use svl::depth::GridSettings;
-use svl::depth::decision::VerdictTable;
+use svl::depth::decision::{VerdictTable, probability};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, V5Model, Value};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::TrueCells;
-use svl::stereo::{CellRule, hash_words};
+use svl::stereo::{Cell, CellRule, hash_words};
 
 /// CRC-32 of every step for pairs of the arena, as given in the specification (section 3.11).
 #[test]
@@ -142,6 +142,63 @@ fn a_model_of_an_earlier_revision_decides_as_before() {
         "h05268d18d1eb66e732c1ee1aa0844adb",
     ];
     assert_eq!([&hashes[0].0, &hashes[2].0], known);
+}
+
+/// Reports that are known by the least score of near ones alone: none is beyond 0.75 m in a cell
+/// whose nearest quarter reports less than 0.5 m. Such a cell is as before: a flag may name it.
+#[test]
+fn a_near_report_hides_no_nearer_quarter() {
+    let v5: Algorithm = "v5".parse().unwrap();
+    let built_in = V5Model::built_in();
+    let least = built_in.median.near_least_score.unwrap();
+    let median = VerdictTable {
+        near_least_score: None,
+        ..built_in.median.clone()
+    };
+    let earlier = V5Model { median, ..built_in };
+    let earlier = Value::file("m", earlier.to_bytes());
+    let earlier = v5.with("model", &earlier).unwrap();
+    let near = v5.with("target", &Value::Choice("near")).unwrap();
+    let mut matchers = [&v5, &earlier, &near].map(|algorithm| algorithm.build().unwrap());
+    let arena = Arena::new(&ArenaConfig::default(), 3).unwrap();
+    let rig = arena.rig();
+    let (mut gained, mut withheld, mut flagged) = (0, 0, 0);
+    for number in 15..30 {
+        let frame = arena.frame(number).unwrap();
+        let grid = GridSettings::default();
+        let context = MatchContext {
+            sequence: number,
+            ..MatchContext::for_frame(&frame, grid, CellRule::default())
+        };
+        let [now, before, nearest] = matchers.each_mut().map(|matcher| {
+            let mut output = MatchOutput::new().unwrap();
+            let pair = frame.rectified().unwrap();
+            matcher.compute(pair, &context, &mut output).unwrap();
+            output.grid.unwrap().into_cells()
+        });
+        for ((now, before), nearest) in now.iter().zip(&before).zip(&nearest) {
+            let depth_m = |cell: &Cell| {
+                let report = cell.evidence.map_or(0, |evidence| evidence.report);
+                rig.depth_m(report as f64 / 8.0).filter(|_| report > 0)
+            };
+            let (Some(own_m), Some(near_m)) = (depth_m(now), depth_m(nearest)) else {
+                continue;
+            };
+            let hides = own_m >= 0.75 && near_m < 0.5;
+            if hides {
+                assert_eq!(now, before);
+            }
+            let is_probable = now.probability.is_some_and(|p| p >= probability(least));
+            let is_withheld = hides && own_m < 2.0 && is_probable && now.depth.is_none();
+            gained += usize::from(now.depth.is_some() && before.depth.is_none());
+            withheld += usize::from(is_withheld);
+            flagged += usize::from(is_withheld && now.near.is_some());
+        }
+    }
+    assert!(
+        gained > 0 && withheld > flagged && flagged > 0,
+        "{gained} {withheld} {flagged}"
+    );
 }
 
 /// The file of the built-in model without earlier pairs, with that slack.

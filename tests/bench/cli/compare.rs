@@ -273,6 +273,9 @@ fn the_metrics_of_cells_are_compared_as_the_reports_have_them() {
         rm 1/cells.csv
         compare 0 1 -o x.html => wrong cells \
         | not compared: errors of distances: 1 has no cells.csv; `svl report 1` makes it
+        compare 0 1 --columns right,rmse => right cells | 1 has no cells.csv
+        compare 0 1 --columns rmse,bias => !metric \
+        => 4~ error: nothing was compared: errors of distances: 1 has no cells.csv; `svl report 1`
         cat x.html => A report has no table of cells
         compare 0 1 --fail-on worse:rmse => 3: {unmeasured}
         compare 0 1 --fail-on worse:rmse --fail-on worse:false => 3: {unmeasured}"

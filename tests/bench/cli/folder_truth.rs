@@ -364,6 +364,28 @@ fn depth_images_of_pairs_that_svl_rectifies_are_refused() {
 }
 
 #[test]
+fn frames_without_times_are_shown_by_their_numbers() {
+    let fixture = Fixture::new();
+    for (name, shift) in [("a", 3), ("b", 5)] {
+        let [left, right] = ["left", "right"].map(|side| format!("q/{side}/{name}.pgm"));
+        fixture.write_pair(&left, &right, SIZE, shift);
+        fixture.write(&format!("q/depth/{name}.png"), png(SIZE, &steps()));
+    }
+    fixture.write("q/calib.txt", CALIB);
+    let line = "score q --truth depth/*.png --algo b=bm:max_disparity=8 \
+                --algo v=v3:max_disparity=8 --rerun none";
+    fixture.transcript(&format!(
+        "{line} -o r
+        cat r/index.html => q, frame 1</h3> | >frame 0</button> | a bar per frame \
+        | b, frame 1: | !bar per second
+        compare r#b r#v -o c.html => before
+        cat c.html => q, frame | !frame 0, at | !frame 1, at
+        {line} --fps 10 -o timed
+        cat timed/index.html => q, frame 1, 0.10 s</h3> | a bar per second"
+    ));
+}
+
+#[test]
 fn options_that_need_a_truth_are_told_where_there_is_none() {
     let fixture = Fixture::new();
     scene(&fixture);
@@ -371,6 +393,7 @@ fn options_that_need_a_truth_are_told_where_there_is_none() {
     fixture.transcript(&format!(
         "{line} --area floor --beyond 2 --camera-height 0.3 -o r \
         => 0~ --area, --beyond, --camera-height need a ground truth
+        {line} --ranges 2,4 -o s => 0~ --ranges needs a ground truth
         {line} --beyond 2 -o r => 0~ --beyond needs a ground truth
         {line} -o plain => 0~ !ground truth"
     ));

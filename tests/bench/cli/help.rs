@@ -231,6 +231,15 @@ fn an_unknown_name_has_suggestions_by_its_meaning() {
         score r --max-disparity 64 => 2: --algo bm:max_disparity=64
         score --dataset kitti => 2: the folder without an option
         score r --ci => 2: (did you mean --gate, --junit FILE.xml?)
+        score r --output-dir d => 2: (did you mean -o?)
+        score r --matcher bm => 2: (did you mean --algo?)
+        score r --baseline b => 2: `svl compare BASE OTHER` for a report, --calib
+        score r --rate 10 => 2: (did you mean --fps?)
+        score r --unknown => 2: unexpected argument '--unknown' found; see
+        compare a b --format json => 2: (did you mean --json, --markdown,
+        match --left l.png --right r.png => 2: `svl match LEFT RIGHT`
+        merge a b => 2: (did you mean 'report'?)
+        eval a.mcap => 2: is a recording: `svl score a.mcap` scores it; see
         score r --algo v5,sgm => 2: each has its own option: --algo v5 --algo sgm; see
         score r --algo v5,nothing => 2: unknown algorithm 'v5,nothing'
         ",

@@ -24,11 +24,12 @@ pub fn interrupted(
     line: &str,
     ready: impl Fn() -> bool,
 ) -> (Option<i32>, String) {
-    interrupted_times(1, fixture, line, Stdio::null(), ready)
+    interrupted_times(&[0], fixture, line, Stdio::null(), ready)
 }
 
+/// `pauses_ms`: the time before each signal.
 fn interrupted_times(
-    times: usize,
+    pauses_ms: &[u64],
     fixture: &Fixture,
     line: &str,
     stdout: Stdio,
@@ -47,7 +48,8 @@ fn interrupted_times(
     command.env("PATH", format!("{}:{path}", fixture.path("bin").display()));
     let mut child = command.spawn().unwrap();
     wait_until(&mut child, ready);
-    for _ in 0..times {
+    for pause_ms in pauses_ms {
+        std::thread::sleep(Duration::from_millis(*pause_ms));
         let pid = child.id().to_string();
         let killed = Command::new("kill").args(["-INT", &pid]).status();
         assert!(killed.unwrap().success());
@@ -212,7 +214,7 @@ fn an_interrupted_stream_of_pairs_is_an_error() {
     let pairs = std::fs::File::create(fixture.path("pairs")).unwrap();
     let line = "record -q -o -";
     let ready = || size(&fixture, "pairs") > 1_000_000;
-    let (code, stderr) = interrupted_times(1, &fixture, line, pairs.into(), ready);
+    let (code, stderr) = interrupted_times(&[0], &fixture, line, pairs.into(), ready);
     assert_eq!(code, Some(1), "{stderr}");
     let words: Vec<_> = stderr.split_whitespace().collect();
     let [.., "interrupted", "after", pairs, "of", "280", "pairs"] = words[..] else {
@@ -231,10 +233,30 @@ fn an_interrupt_that_comes_twice_at_once_is_one() {
     // `timeout` sends the signal to its child and then to its group.
     let line = "record -o a.mcap";
     let ready = || size(&fixture, "a.mcap") > 1_000_000;
-    let (code, stderr) = interrupted_times(2, &fixture, line, Stdio::null(), ready);
+    let (code, stderr) = interrupted_times(&[0, 0], &fixture, line, Stdio::null(), ready);
     assert_eq!(code, Some(1), "{stderr}");
     let source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
     assert!(source.pairs().is_some_and(|pairs| pairs < 280));
+}
+
+/// The second ends a command that waits, here for the reader of its output.
+#[test]
+fn warnings_that_are_grouped_are_written_before_the_second_interrupt_ends() {
+    let fixture = Fixture::new();
+    for folder in ["a", "b"] {
+        let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}/0.pgm"));
+        fixture.write_pair(&left, &right, (40, 20), 3);
+        fixture.write_pair(&format!("{folder}/left/1.pgm"), "other.pgm", (40, 20), 3);
+    }
+    // More than a pipe holds.
+    let algorithms = (0..60).map(|i| format!(" --algo b{i}=bm:max_disparity=8"));
+    let algorithms: String = algorithms.collect();
+    let line = format!("score a b --rerun none --json -o r{algorithms}");
+    let (_unread, pipe) = std::io::pipe().unwrap();
+    let ready = || fixture.path("r/summary.json").exists();
+    let (code, stderr) = interrupted_times(&[500, 500], &fixture, &line, pipe.into(), ready);
+    assert_eq!(code, Some(130), "{stderr}");
+    assert_says(&stderr, &["a: 1 image dropped", "b: 1 image dropped"]);
 }
 
 #[test]

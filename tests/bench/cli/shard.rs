@@ -177,4 +177,9 @@ fn parts_that_do_not_make_a_whole_are_refused() {
         cat all/index.html => threads, shard 2"
     ));
     assert_same_report(&fixture, ["all", "whole"], "damaged and matched again");
+    std::fs::remove_file(fixture.path(&units[0])).unwrap();
+    let absent = units[0].strip_prefix("p2/").unwrap();
+    fixture.fails(&format!(
+        "report p1 p2 -o again => 1: {absent}: is in none of the parts, which are of all 2 shards"
+    ));
 }

@@ -3,6 +3,7 @@
 use super::fixture::Fixture;
 use super::transcript::assert_words;
 use crate::recording::bag::png;
+use svl::depth::decision::VerdictTable;
 use svl::matcher::V5Model;
 
 const TRAIN: &str = "-q train v5 short.toml --seeds 4..7 --tables-only --algo v5:max_disparity=64";
@@ -98,6 +99,46 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
     let fitted = V5Model::from_bytes(&model).unwrap().fitted;
     let has = |run: &str| fitted.runs.iter().any(|fitted_run| fitted_run == run);
     assert!(has("shapes seed 4") && has("arena seed 101..110") && !has("arena seed 1"));
+}
+
+#[test]
+fn small_cells_have_tables_of_their_own() {
+    let fixture = Fixture::new();
+    let grid = "[grid]\ncolumns = 24\nrows = 12\n";
+    for kind in ["worlds", "shapes"] {
+        fixture.write(&format!("{kind}.toml"), random_scenes(kind) + grid);
+    }
+    let built_in = V5Model::built_in();
+    let earlier = V5Model {
+        near_small: None,
+        ..built_in.clone()
+    };
+    fixture.write("earlier.safetensors", earlier.to_bytes());
+    let train = "-q train v5 worlds.toml shapes.toml --seeds 1..3 --tables-only";
+    let text = fixture.run(&format!("{train} -o own.safetensors --json"));
+    assert_words(
+        &text,
+        "/tables/# = 2 | /tables/0/table = small | /tables/1/table = near_small",
+    );
+    fixture.transcript(&format!(
+        "{train} --algo v5:model=earlier.safetensors -o again.safetensors"
+    ));
+    let [own, again] = ["own", "again"]
+        .map(|name| V5Model::from_bytes(&fixture.bytes(&format!("{name}.safetensors"))).unwrap());
+    let [table, before] = [&own, &built_in].map(|model| model.near_small.as_ref().unwrap());
+    let rules = |table: &VerdictTable| (table.rank, table.slack, table.least_score);
+    assert_eq!(rules(table), rules(before));
+    assert!(table.time.is_none() && table.steps != before.steps);
+    // It does not depend on a table before it; tables without cells are kept.
+    assert_eq!(again.near_small, own.near_small);
+    assert_eq!((own.median, own.near), (built_in.median, built_in.near));
+    fixture.write("usual.toml", random_scenes("worlds"));
+    fixture.transcript(
+        "-q train v5 usual.toml --seeds 1..4 --tables-only --algo v5:model=earlier.safetensors \
+         -o kept.safetensors",
+    );
+    let kept = V5Model::from_bytes(&fixture.bytes("kept.safetensors")).unwrap();
+    assert_eq!(kept.near_small, None);
 }
 
 #[test]

@@ -38,6 +38,11 @@ impl ArenaSource {
         }
     }
 
+    /// The number of the next frame.
+    fn place(&self) -> u64 {
+        self.ready.front().map_or(self.next, |frame| frame.sequence)
+    }
+
     /// Hash of everything that the pixels of a run depend on.
     pub fn hash(config: &ArenaConfig, seed: u64) -> String {
         // A configuration is plain numbers and text, which JSON can hold.
@@ -70,9 +75,15 @@ impl Source for ArenaSource {
         Some(self.arena.frames())
     }
 
+    fn skip(&mut self, frames: u64) -> Result<u64> {
+        let here = self.place();
+        let there = self.arena.frames().min(here + frames);
+        self.seek(there)?;
+        Ok(there - here)
+    }
+
     fn seek(&mut self, index: u64) -> Result<bool> {
-        let ready = self.ready.front().map_or(self.next, |frame| frame.sequence);
-        match index.checked_sub(ready) {
+        match index.checked_sub(self.place()) {
             Some(skipped) if skipped <= self.ready.len() as u64 => {
                 self.ready.drain(..skipped as usize);
             }
@@ -83,5 +94,20 @@ impl Source for ArenaSource {
             }
         }
         Ok(true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_that_are_left_out_are_not_rendered() {
+        let arena = Arena::new(&ArenaConfig::default(), 1).unwrap();
+        let frames = arena.frames();
+        let mut source = ArenaSource::new(arena, 1);
+        assert!(source.next().unwrap().is_some());
+        assert_eq!(source.skip(frames).unwrap(), frames - 1);
+        assert!(source.ready.is_empty() && source.next().unwrap().is_none());
     }
 }

@@ -146,6 +146,12 @@ impl Source for Limited<'_> {
         if self.frames.is_some_and(|frames| self.taken >= frames) {
             return Ok(None);
         }
+        if !self.is_timed() {
+            let others = self.in_range.next_multiple_of(self.every) - self.in_range;
+            let unread = self.source.skip(others)?;
+            self.in_range += unread;
+            self.skipped += unread;
+        }
         while let Some(frame) = self.source.next()? {
             let start_ns = *self.start_ns.get_or_insert(frame.stamp_ns);
             let is_back = self.clock.advance(&frame);
@@ -226,6 +232,7 @@ impl Source for Limited<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
     use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     /// Ten pairs a second, from stamp 5 s and number 3 on; says in its losses how many were taken.
@@ -269,6 +276,40 @@ mod tests {
                 ..Losses::default()
             }
         }
+    }
+
+    /// The same, of which no pair can be lost, with the number of those that were made.
+    struct Made<'a>(u64, &'a AtomicU64);
+
+    impl Source for Made<'_> {
+        fn next(&mut self) -> Result<Option<Frame>> {
+            self.1.fetch_add(1, Ordering::Relaxed);
+            self.0 += 1;
+            Steady(self.0 - 1).next()
+        }
+
+        fn skip(&mut self, pairs: u64) -> Result<u64> {
+            let left_out = pairs.min(20_u64.saturating_sub(self.0));
+            self.0 += left_out;
+            Ok(left_out)
+        }
+    }
+
+    #[test]
+    fn pairs_that_are_left_out_are_not_made() {
+        let (made, every) = (
+            AtomicU64::new(0),
+            PairRange {
+                every: Some(8),
+                ..PairRange::default()
+            },
+        );
+        let mut source = Limited::new(Box::new(Made(0, &made)), every, None);
+        let taken = std::iter::from_fn(|| source.next().unwrap()).map(|frame| frame.sequence);
+        assert_eq!(taken.collect::<Vec<_>>(), [3, 11, 19]);
+        // The last one is the end.
+        assert_eq!(made.load(Ordering::Relaxed), 4);
+        assert_eq!(source.finish(3).skipped, 17);
     }
 
     fn taken(range: (Option<u64>, Option<f64>, Option<f64>), frames: Option<u64>) -> Vec<u64> {

@@ -201,9 +201,10 @@ impl RunSource {
     /// [`Error::Invalid`] for a checkpoint that no frame of it could pass, with the cure; the error
     /// of its first frame.
     pub fn judge(&mut self, judge: &Judge) -> Result<Judge> {
-        let name = self.record.as_ref().map(|record| record.name.clone());
+        let record = self.record.as_ref();
         let run = FrameOrigin {
-            name: name.unwrap_or_default(),
+            name: record.map(|record| record.name.clone()).unwrap_or_default(),
+            is_untimed: record.is_some_and(|record| record.is_untimed),
             start_ns: self.start_ns,
             stress: None,
         };

@@ -17,7 +17,7 @@ use svl_core::stereo::{LengthUnit, Rig};
 use svl_core::{Error, Result};
 use svl_recording::warn_of;
 use svl_recording::{
-    CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StreamFacts, Writer,
+    CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StampOrigin, StreamFacts, Writer,
 };
 use svl_report::TopicDelay;
 use svl_score::manifest::{InputRecord, Manifest, hash, hash_bytes};
@@ -258,6 +258,7 @@ impl Opened {
         let scenario = scenario.and_then(|text| Scenario::parse(text, path).ok());
         InputRecord {
             separate_pairs: scenario.is_some_and(|scenario| scenario.has_separate_pairs()),
+            is_untimed: self.header.stamps == Some(StampOrigin::UNKNOWN),
             calibration: (!hashes.is_empty()).then(|| hash(&hashes.join("\n"))),
             ..InputRecord::new(name, path, changes)
         }

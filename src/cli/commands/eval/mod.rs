@@ -48,6 +48,7 @@ is null, and - in the table. A hole of DISPARITY is a value that is not finite
 or negative in .pfm, .npy and .npz, 0 in images and 16-bit integers.")]
 pub(crate) struct Args {
     /// Disparities to score: .pfm, .npy, .npz, 16-bit .png (256·d); or a folder of them
+    #[arg(value_parser = usage::map())]
     disparity: PathBuf,
     /// True disparities: .pfm, .npy, .npz, .png, .pgm; or a folder of them
     ground_truth: PathBuf,

@@ -11,7 +11,7 @@ use svl::matcher::{Algorithm, V5Model, Value};
 use svl::outputs::{Outputs, write};
 use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
-use svl::train::{CellAlgorithms, CellTraining, TrainingScenario, train_v5};
+use svl::train::{CellAlgorithms, CellTraining, TableRole, TrainingScenario, train_v5};
 
 /// Train the model of v5: the network of its gaps, and the tables of its probabilities
 ///
@@ -105,15 +105,20 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         epochs: args.epochs,
     });
     let with = |model: &V5Model| {
-        let algorithm = |target: &'static str| {
+        let algorithm = |name: &str, target: &'static str, model: &V5Model| {
             let file = Value::file(&args.output.display().to_string(), model.to_bytes());
             let with_model = args.algo.with("model", &file)?;
-            with_model.with("target", &Value::Choice(target))
+            let aimed = with_model.with("target", &Value::Choice(target))?;
+            svl::Result::Ok(aimed.called(name.to_owned()))
         };
-        let [median, near] = ["median", "near"].map(algorithm);
+        let surfaces = V5Model {
+            near: TableRole::NearSmall.table(model).clone(),
+            ..model.clone()
+        };
         Ok(CellAlgorithms {
-            median: median?.called("v5".to_owned()),
-            near: near?.called("near".to_owned()),
+            median: algorithm("v5", "median", model)?,
+            near: algorithm("near", "near", model)?,
+            surface: algorithm("surface", "near", &surfaces)?,
         })
     };
     let terminal = &Terminal { quiet };

@@ -7,8 +7,6 @@ use ratatui::crossterm::event::KeyCode::{self, Char};
 use ratatui::crossterm::event::{
     self, Event, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
 };
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -122,7 +120,10 @@ fn terminal_key(wait: Duration) -> std::io::Result<Key> {
 }
 
 /// True if the terminal is closed. Waits until it is, or has input, or a signal comes.
+#[cfg(unix)]
 fn is_closed_within(wait: Duration) -> std::io::Result<bool> {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    use rustix::io::Errno;
     let stdin = std::io::stdin();
     let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
     let wait = Timespec::try_from(wait).map_err(std::io::Error::other)?;
@@ -134,6 +135,12 @@ fn is_closed_within(wait: Duration) -> std::io::Result<bool> {
         Err(Errno::INTR) => Ok(false),
         Err(error) => Err(error.into()),
     }
+}
+
+/// False: a console of Windows that is closed ends its programs.
+#[cfg(not(unix))]
+fn is_closed_within(wait: Duration) -> std::io::Result<bool> {
+    event::poll(wait).map(|_| false)
 }
 
 /// The key of a terminal's event; none for events without a meaning here.

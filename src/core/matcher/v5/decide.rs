@@ -1,13 +1,13 @@
 //! The decision on the cells of a pair, from the votes at each of its levels.
 
-use super::levels::{Levels, has_small_cells, places};
+use super::levels::{Levels, MAX_COARSEST, has_small_cells, places};
 use super::past::PairKey;
 use crate::depth::decision::{
     BINS_PER_PX, CellPast, CellPixels, Feature, LevelRule, Past, SafeChoice, Tolerance, cell,
     probability,
 };
 use crate::matcher::MatchContext;
-use crate::stereo::{Cell, CellRule, LevelCell, NearSurface};
+use crate::stereo::{Cell, CellEvidence, CellRule, LevelCell, NearSurface};
 use rayon::prelude::*;
 
 /// The narrowest rule of distances, metres and percent, that the tables of images up to 400 px were
@@ -48,6 +48,8 @@ struct Deciding<'a> {
     choice: &'a SafeChoice,
     rule: LevelRule<'a>,
     is_small: bool,
+    /// True for images as narrow as those that `near_least_score` was chosen for.
+    is_narrow_image: bool,
     /// Number of levels, computed or not.
     count: usize,
     /// `obstacle_m` and `clear_m` of the rule.
@@ -106,6 +108,7 @@ impl Levels {
                 rig: rig.as_ref(),
             },
             is_small,
+            is_narrow_image: self.plan.size.0 <= MAX_COARSEST,
             count: all,
             near_m: context.cells.obstacle_and_clear_m(),
             beyond_m: context.cells.beyond_m().unwrap_or(BEYOND_M),
@@ -269,11 +272,16 @@ impl Deciding<'_> {
         let own = table.score(&evidence);
         decision.percentiles = pixels.percentiles();
         decision.evidence = Some(evidence);
-        let near_least = table.near_least_score;
-        let near_least =
-            near_least.filter(|_| self.is_nearer(evidence.report, decision.level, self.beyond_m));
-        let least = |least_score| near_least.unwrap_or(least_score);
-        (decision.scores, decision.least_score) = ([own; 2], least(table.least_score));
+        let is_nearer = |metres| self.is_nearer(evidence.report, decision.level, metres);
+        let near_least = table.near_least_score.filter(|_| self.is_narrow_image);
+        let near_least = near_least.filter(|_| is_nearer(self.beyond_m));
+        let least = |least_score, score| match near_least {
+            Some(near_least) if score >= least_score || !self.hides_near(&evidence, pixels) => {
+                near_least
+            }
+            _ => least_score,
+        };
+        (decision.scores, decision.least_score) = ([own; 2], least(table.least_score, own));
         // A report of 0 has no past, and leaves none.
         let Some(time) = table.time.as_ref().filter(|_| evidence.report > 0) else {
             return CellPast::default();
@@ -281,13 +289,26 @@ impl Deciding<'_> {
         let ends = tolerance.ends(evidence.report as usize);
         let relation = before.relation(evidence.report, ends);
         let mut added = time.score(relation, before.trust);
-        if self.is_nearer(evidence.report, decision.level, self.near_m.1) {
+        if is_nearer(self.near_m.1) {
             added = added.max(0);
         }
         if relation != Past::None {
-            (decision.scores[1], decision.least_score) = (own + added, least(time.least_score));
+            let score = own + added;
+            (decision.scores[1], decision.least_score) = (score, least(time.least_score, score));
         }
         before.after(relation, evidence.report, own, self.stamp_ns)
+    }
+
+    /// True if a report of a pair with one level, beyond `clear_m`, would hide that the nearest
+    /// quarter of its cell reports something nearer than `obstacle_m`, however probable.
+    fn hides_near(&self, evidence: &CellEvidence, pixels: &CellPixels) -> bool {
+        let reports = || {
+            let table = self.choice.near.as_ref()?;
+            Some(table.evidence(pixels, self.rule.tolerances.last()?).report)
+        };
+        let (obstacle_m, clear_m) = self.near_m;
+        !self.is_nearer(evidence.report, 0, clear_m)
+            && reports().is_some_and(|report| self.is_nearer(report, 0, obstacle_m))
     }
 
     /// The cell as the chosen level reports it; unknown, as the finest has it, without one.

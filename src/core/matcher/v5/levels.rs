@@ -13,7 +13,7 @@ use crate::timing::Stage;
 use std::ops::Range;
 
 /// Widest level that has no coarser one: the tables of a single level were fitted to 320 px.
-const MAX_COARSEST: usize = 400;
+pub(super) const MAX_COARSEST: usize = 400;
 
 /// Least range of a coarser level, pixels of it.
 const MIN_RANGE: usize = 80;

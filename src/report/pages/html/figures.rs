@@ -87,8 +87,12 @@ pub struct CheckpointFigure {
     /// Numbers of the checkpoints that the frame shows.
     #[serde(default)]
     pub shows: Vec<u32>,
-    /// Time of the frame in its recording, s; absent of checkpoints and of drives.
+    /// Time of the frame in its recording, s; absent of checkpoints, drives, and frames without
+    /// times.
     pub at_s: Option<f64>,
+    /// True for successive frames of one drive.
+    #[serde(default)]
+    pub is_film: bool,
     /// Description, may be empty.
     pub about: String,
     pub shots: Vec<(Rank, FrameShot)>,

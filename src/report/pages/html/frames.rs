@@ -18,8 +18,7 @@ pub(crate) fn figure_view<'a>(
     place: impl Fn(&str) -> usize,
     replays: &Replays,
 ) -> Value {
-    // Successive frames of one drive.
-    let is_film = figure.checkpoint.is_none() && figure.at_s.is_none();
+    let is_film = figure.is_film;
     let last = figure.shots.last().filter(|_| is_film);
     let last = last.map(|(_, last)| last.row.stamp_ns);
     let moment = |row: &Row| match last?.saturating_sub(row.stamp_ns) {

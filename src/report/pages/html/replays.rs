@@ -2,13 +2,15 @@
 
 use crate::rows::records::Row;
 use crate::show::words::shell_word;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The recordings of a report, and the options and algorithms of their pairs, as written.
 #[derive(Default)]
 pub struct Replays {
     /// Per seed and recording the file, and the stamp of its first pair.
     pub runs: BTreeMap<(Option<u64>, Option<String>), (String, u64)>,
+    /// Recordings without times.
+    pub untimed: BTreeSet<String>,
     pub options: Vec<String>,
     pub algorithms: Vec<String>,
 }
@@ -18,6 +20,18 @@ impl Replays {
     pub(super) fn at_s(&self, row: &Row) -> Option<f64> {
         let (_, start_ns) = self.runs.get(&(row.seed, row.run.clone()))?;
         Some(row.stamp_ns.saturating_sub(*start_ns) as f64 / 1e9)
+    }
+
+    /// The same in whole seconds; of a recording without times the number of the pair.
+    pub(super) fn second(&self, row: &Row) -> Option<u64> {
+        let untimed = self.is_untimed(row).then_some(row.sequence);
+        untimed.or_else(|| self.at_s(row).map(|at_s| at_s as u64))
+    }
+
+    /// True if the stamps of a row's recording are placeholders.
+    pub(super) fn is_untimed(&self, row: &Row) -> bool {
+        let run = row.run.as_ref();
+        run.is_some_and(|run| self.untimed.contains(run))
     }
 
     /// The command for the seconds of a row's recording, without algorithms.

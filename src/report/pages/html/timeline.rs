@@ -79,13 +79,12 @@ impl Timeline {
             own.map(|frame| (frame.rank.unwrap_or(usize::MAX), frame.figure))
                 .min()
         };
+        let is_untimed = rows.iter().any(|row| replays.is_untimed(row));
         let stamps = || rows.iter().map(|row| row.stamp_ns);
         let first_ns = stamps().min().unwrap_or_default();
         // A recording's own seconds, also if the first ones are omitted.
-        let whole = |row: &Row| match replays.at_s(row) {
-            Some(at_s) => at_s as u64,
-            None => (row.stamp_ns - first_ns) / 1_000_000_000,
-        };
+        let since = |row: &Row| (row.stamp_ns - first_ns) / 1_000_000_000;
+        let whole = |row: &Row| replays.second(row).unwrap_or_else(|| since(row));
         let first_s = rows.iter().map(|row| whole(row)).min().unwrap_or_default();
         let last_s = rows.iter().map(|row| whole(row)).max().unwrap_or_default();
         let seconds = (last_s - first_s + 1).div_ceil(MAX_BINS);
@@ -95,6 +94,7 @@ impl Timeline {
             _ => places[&run_key(row)] / together,
         };
         let name = |bin: usize| match runs.len() {
+            1 if is_untimed => format!("frame {}", first_s + bin as u64 * seconds),
             1 => format!("{} s", first_s + bin as u64 * seconds),
             _ => runs[(bin * together).min(runs.len() - 1)].clone(),
         };
@@ -114,8 +114,8 @@ impl Timeline {
             };
             let [right, wrong, unknown, missed] =
                 ["right", "wrong", "unknown", "missed"].map(|name| sum(rows, name));
-            let from_s = whole(worst) as f64;
-            let command = replays.command(worst, [from_s, from_s + 1.0]);
+            let from_s = replays.at_s(worst).map(f64::floor);
+            let command = from_s.and_then(|s| replays.command(worst, [s, s + 1.0]));
             let command = command.zip(replays.algorithm(label));
             let (name, pairs) = (name(i), counted(rows.len() as u64, "pair"));
             Bin {
@@ -141,6 +141,8 @@ impl Timeline {
             (label, bins)
         };
         let about = match (runs.len(), seconds, together) {
+            (1, 1, _) if is_untimed => "a bar per frame".to_owned(),
+            (1, frames, _) if is_untimed => format!("a bar per {frames} frames"),
             (1, 1, _) => "a bar per second".to_owned(),
             (1, seconds, _) => format!("a bar per {seconds} s"),
             (.., 1) => "a bar per recording".to_owned(),
@@ -154,7 +156,8 @@ impl Timeline {
     }
 }
 
-/// The second in which an algorithm misses the most cells, then has the most wrong ones.
+/// The second, or frame without a time, in which an algorithm misses the most cells, then has the
+/// most wrong ones.
 pub struct WorstSecond {
     pub seed: Option<u64>,
     pub run: Option<String>,
@@ -173,7 +176,7 @@ impl WorstSecond {
             .filter(|row| row.algorithm == label && !is_scene(row))
         {
             if row.stress.is_none() && row.metrics.get("wrong").is_some() {
-                let second = replays.at_s(row).map(|at_s| at_s as u64);
+                let second = replays.second(row);
                 let second = second.unwrap_or(row.stamp_ns / 1_000_000_000);
                 seconds.entry((run_key(row), second)).or_default().push(row);
             }
@@ -182,8 +185,11 @@ impl WorstSecond {
         let seconds = seconds.into_values();
         let worst = seconds.reduce(|a, b| if sums(&b) > sums(&a) { b } else { a })?;
         let pair = worst_pair(&worst)?;
-        let at = replays.at_s(pair).map(|at_s| format!("{at_s:.1} s"));
+        let is_untimed = replays.is_untimed(pair);
+        let at_s = replays.at_s(pair).filter(|_| !is_untimed);
+        let at = at_s.map(|at_s| format!("{at_s:.1} s"));
         let at = at.unwrap_or_else(|| format!("frame {}", pair.sequence));
+        let kind = if is_untimed { "frame" } else { "second" };
         let ([missed, wrong], run) = (sums(&worst), run_name(pair));
         let run = pair.seed.map_or(run, |seed| format!("seed {seed}"));
         Some(Self {
@@ -192,7 +198,7 @@ impl WorstSecond {
             sequence: pair.sequence,
             stamp_ns: pair.stamp_ns,
             words: format!(
-                "worst second: {run} at {at} ({label}: {missed} cells missed, {wrong} wrong)"
+                "worst {kind}: {run} at {at} ({label}: {missed} cells missed, {wrong} wrong)"
             ),
         })
     }

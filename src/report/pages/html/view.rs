@@ -112,8 +112,8 @@ fn entries(page: &ReportPage, scenes: &[&SceneFigure]) -> Vec<(String, String)> 
     chips.enumerate().map(entry).collect()
 }
 
-/// The words of the figures' buttons: the time in the recording, as `0.8 s`, with the recording
-/// where there are several, else the title. Times have as many decimals as tell them apart.
+/// The words of the figures' buttons: the time in the recording, as `0.8 s`, or the frame, with the
+/// recording where there are several, else the title. Times have the decimals that tell them apart.
 fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
     let run = |figure: &CheckpointFigure| {
         let row = &figure.shots.first()?.1.row;
@@ -122,6 +122,10 @@ fn chips(figures: &[CheckpointFigure]) -> Vec<String> {
     };
     let runs: BTreeSet<_> = figures.iter().map(run).collect();
     let chip = |figure: &CheckpointFigure, digits: usize| match (figure.at_s, run(figure)) {
+        (None, Some(run)) if runs.len() == 1 => {
+            let frame = figure.title.strip_prefix(&format!("{run}, "));
+            frame.unwrap_or(&figure.title).to_owned()
+        }
         (None, _) => figure.title.clone(),
         (Some(at_s), Some(run)) if runs.len() > 1 => format!("{run} {at_s:.digits$} s"),
         (Some(at_s), _) => format!("{at_s:.digits$} s"),
@@ -142,12 +146,7 @@ fn worst(page: &ReportPage) -> BTreeMap<&str, Vec<(usize, String)>> {
                 let words = ["missed", "wrong"]
                     .into_iter()
                     .filter_map(|name| Some(format!("{} {name}", count(name)?)));
-                let words: Vec<_> = words.collect();
-                let words = if words.is_empty() {
-                    "nothing wrong".to_owned()
-                } else {
-                    words.join(", ")
-                };
+                let words = words.collect::<Vec<_>>().join(", ");
                 let own = worst.entry(&shot.row.algorithm).or_default();
                 own.push((*rank, i, format!("{}: {words}", chips[i])));
             }

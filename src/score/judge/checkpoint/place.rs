@@ -29,6 +29,8 @@ pub struct FrameOrigin {
     pub name: String,
     /// Stamp of the first pair of its source.
     pub start_ns: u64,
+    /// True if its stamps are placeholders.
+    pub is_untimed: bool,
     /// Perturbation of its pairs, if any, in the text form of [`svl_sim::stress::Stress`].
     pub stress: Option<String>,
 }
@@ -224,7 +226,7 @@ mod tests {
         let run = FrameOrigin {
             name: "own.mcap".into(),
             start_ns: 7_000_000_000,
-            stress: None,
+            ..FrameOrigin::default()
         };
         let frames = CheckpointPlace::Frames([3, 5]);
         let shows = [2, 3, 5, 6].map(|sequence| frames.covers(&frame(sequence, 0), &run));
@@ -243,7 +245,7 @@ mod tests {
         let run = |name: &str| FrameOrigin {
             name: name.into(),
             start_ns: 0,
-            stress: None,
+            ..FrameOrigin::default()
         };
         assert!(run("own.mcap").is_in(None) && run("").is_in(None));
         assert!(run("own.mcap").is_in(Some("day/own.mcap")));

@@ -134,7 +134,7 @@ impl ScenarioFile {
         FrameOrigin {
             name: self.file.clone().or_else(only).unwrap_or_default(),
             start_ns,
-            stress: None,
+            ..FrameOrigin::default()
         }
     }
 
