@@ -283,7 +283,8 @@ pub(crate) fn map() -> impl TypedValueParser<Value = PathBuf> {
         let is_recording = ["bag", "db3", "mcap"]
             .iter()
             .any(|own| has_ending(&path, own));
-        let words = || format!("is a recording: `svl score {}` scores it", path.display());
+        let name = path.display();
+        let words = || format!("is a recording: `svl score {name}` scores it");
         if is_recording { Err(words()) } else { Ok(path) }
     })
 }

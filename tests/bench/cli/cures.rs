@@ -98,10 +98,12 @@ const CURES: &[(&str, Cure)] = &[
     ),
     ("svl columns metrics", Run("columns metrics")),
     ("svl compare", Left("cli::compare runs it")),
+    ("svl compare BASE OTHER", Left("cli::compare runs it")),
     ("svl datasets --data {shown}", Run("datasets --data .")),
     ("svl help sources", Run("help sources")),
     ("svl info", Run("info a.mcap")),
     ("svl info {name}", Run("info pairs")),
+    ("svl match LEFT RIGHT", Left("cli::matching runs it")),
     ("svl record", Run("record --frames 2 -o r.mcap")),
     (
         "svl record --calib FILE --alpha 1",
