@@ -131,7 +131,7 @@ fn pairs_that_fail_anew_are_worse() {
     scored("alone", "exit 1", "");
     // The loss is allowed; a report without any pair tells nothing.
     fixture.transcript(
-        "compare a#some b#some --fail-on worse
+        "compare a#some b#some
         compare a#some c#some --fail-on worse => 3: some: pairs: no pair in common
         compare a#some alone#some --fail-on worse => 3: some: pairs: no pair in common",
     );
@@ -159,7 +159,7 @@ fn pairs_that_fail_anew_are_worse() {
     fixture.write("program.sh", refusing(3));
     fixture.transcript(&format!(
         "{score} -o lossy {bm} => 4: some failed on 1 of 5 pairs
-        compare a#bm:max_disparity=8 lossy#bm:max_disparity=8 --fail-on worse
+        compare a#bm:max_disparity=8 lossy#bm:max_disparity=8
         compare a#some lossy#some --fail-on worse => 3: lossy#some: is incomplete
         compare b a --fail-on worse
         compare c#some alone#some --fail-on worse => 3: c#some: has no result of some
@@ -547,8 +547,13 @@ fn frames_of_another_programs_bag_are_decoded_again() {
     fixture.record("run.mcap", "arena --frames 90 --seed 7");
     // The reports keep few frames, and none where the folder of the units is gone.
     fixture.run("record run.mcap --ros2 -q -o bag.mcap");
-    fixture.run("score bag.mcap -q --algo v3 --rerun none -o 0");
-    fixture.run("score bag.mcap -q --algo v3:max_disparity=8 --rerun none -o 1");
+    let truth = "--truth /truth/depth";
+    fixture.run(&format!(
+        "score bag.mcap {truth} -q --algo v3 --rerun none -o 0"
+    ));
+    fixture.run(&format!(
+        "score bag.mcap {truth} -q --algo v3:max_disparity=8 --rerun none -o 1"
+    ));
     for report in ["0", "1"] {
         std::fs::remove_dir_all(fixture.path(&format!("{report}/units"))).unwrap();
     }
