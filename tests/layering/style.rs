@@ -79,7 +79,7 @@ const LINES: [(&str, usize); 16] = [
     ("python", 330),
     ("recording", 13954),
     ("report", 14335),
-    ("score", 8_924),
+    ("score", 8924),
     ("sim", 3510),
     ("thesis", 2644),
     ("train", 3435),
