@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 pub const MAX_WORST: usize = 5;
 /// Frames that a choice keeps beyond its own while more may come: a later, worse one within a
 /// second takes the place of one that hid others.
-const MAX_SPARE: usize = 3;
+const MAX_SPARE: usize = 8;
 /// Frames of earlier blocks, a second apart, that keep as bad a later one from the worst of a run:
 /// each that is chosen among them hides at most one other.
 pub const MAX_EARLIER: usize = 2 * MAX_WORST;
