@@ -180,9 +180,12 @@ mod tests {
     #[test]
     fn the_cure_for_an_option_names_existing_ones() {
         let program = Cli::command();
-        let commands = || program.get_subcommands();
-        let options: Vec<_> = commands()
-            .flat_map(|command| command.get_arguments())
+        let by_command = program
+            .get_subcommands()
+            .flat_map(|command| command.get_arguments());
+        let options: Vec<_> = program
+            .get_arguments()
+            .chain(by_command)
             .filter_map(|own| own.get_long().map(|name| format!("--{name}")))
             .collect();
         for (synonym, cure) in usage::OPTION_SYNONYMS {

@@ -186,7 +186,7 @@ impl Report<'_> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
         let tables = &mut self.tables;
         for row in tables.rows.iter_mut().chain(&mut tables.references) {
-            row.metrics = row.metrics.in_area(options.area);
+            row.metrics.select(options.area);
         }
         let tables = &self.tables;
         let mut manifest = self.manifest();

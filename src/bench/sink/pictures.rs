@@ -11,7 +11,7 @@ use svl_files::overlay::{self, Mark, NO_DISPARITY, Nearness, Picture, errors};
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
 use svl_report::units::{
-    Badness, BlockPictures, CheckpointShot, MAX_EARLIER, WorstFrame, WorstFrames, WorstPicture,
+    Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
 };
 use svl_score::judge::{
     Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, TrueCells,
@@ -40,8 +40,6 @@ pub(super) struct BlockShots {
     samples: Vec<(u64, Vec<RawFrame>)>,
     /// The worst frames by algorithm.
     worst: BTreeMap<String, WorstFrames<RawFrame>>,
-    /// The worst of the blocks before: as bad a frame is none of the run's worst.
-    earlier: BTreeMap<String, WorstFrames<(), MAX_EARLIER>>,
     /// What the shots of the frame at a place share.
     shared: Option<(u64, Arc<SharedFrame>)>,
 }
@@ -233,7 +231,6 @@ impl BlockShots {
         let samples = std::mem::take(&mut self.samples);
         let places: BTreeSet<_> = samples.iter().map(|(place, _)| *place).collect();
         for (label, worst) in std::mem::take(&mut self.worst) {
-            let earlier = self.earlier.entry(label.clone()).or_default();
             let own = pictures.entry(label).or_default();
             for frame in worst.finish() {
                 let (frame, raw) = frame.replace(());
@@ -242,8 +239,7 @@ impl BlockShots {
                     true => WorstPicture::Sample,
                     false => raw.encoded()?,
                 };
-                own.worst.push(frame.clone().replace(picture).0);
-                earlier.add(frame);
+                own.worst.push(frame.replace(picture).0);
             }
         }
         for (place, frames) in samples {
@@ -378,9 +374,8 @@ impl BlockShots {
     ) {
         let label = &scored.estimate.algorithm;
         let takes = |badness: &Badness| {
-            let (own, earlier) = (self.worst.get(label), self.earlier.get(label));
+            let own = self.worst.get(label);
             own.is_none_or(|own| own.takes(badness))
-                && earlier.is_none_or(|earlier| earlier.takes(badness))
         };
         let Some(badness) = badness(scored, self.cells).filter(takes) else {
             return;

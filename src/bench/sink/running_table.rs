@@ -89,7 +89,7 @@ impl Sink for RunningTable {
             if let Some(times) = scored.estimate.times {
                 *line.time.get_or_insert_default() += times.total();
             }
-            let before = line.sums;
+            let before = std::mem::take(&mut line.sums);
             line.sums = MetricValues::from_fn(|metric| {
                 let [sum, value] = [&before, &scored.metrics].map(|values| values.get(metric.name));
                 match (sum, value) {

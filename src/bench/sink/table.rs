@@ -141,7 +141,7 @@ impl RowIdentity {
             matching_us: stage(Stage::Matching),
             checks_us: stage(Stage::Checks),
             total_us: estimate.times.map(|times| us(times.total())),
-            metrics: scored.metrics,
+            metrics: scored.metrics.clone(),
             result_hash: hash_words(scored.hash),
             truth: truth.map(|truth| truth.kind.origin.to_string()),
             run: self.run.clone(),

@@ -118,8 +118,8 @@ pub trait Source: Send {
             .map_or(Ok(false), |source| source.seek(index))
     }
 
-    /// Leaves out at most so many frames unread, where none of them can be lost. Returns their
-    /// number. Wrappers, which may have to see every frame, leave out none.
+    /// Leaves out up to this number of frames unread, where none of them can be lost. Returns how
+    /// many. Wrappers, which may have to see every frame, leave out none.
     ///
     /// # Errors
     /// The errors of [`Source::next`].

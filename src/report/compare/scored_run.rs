@@ -64,7 +64,7 @@ impl ScoredRun {
         }
         run.area = area;
         for row in run.rows.iter_mut().chain(&mut run.references) {
-            row.metrics = row.metrics.in_area(area);
+            row.metrics.select(area);
         }
         Ok(run)
     }

@@ -273,7 +273,7 @@ mod tests {
         let row = |(sequence, (algorithm, us)): (u64, (&str, u64))| Row {
             sequence,
             algorithm: algorithm.into(),
-            metrics,
+            metrics: metrics.clone(),
             ..row(us, (64, 48), None)
         };
         let both = |i| [(i, ("v3", 1000)), (i, ("bm", 4000))];

@@ -596,9 +596,9 @@ impl MetricTotals {
         }
         values.add_up();
         let area = rows.first().map(|row| row.metrics.area());
-        let values = values.in_area(area.unwrap_or_default());
+        values.select(area.unwrap_or_default());
         let mut totals = Self {
-            values,
+            values: values.clone(),
             measured: BTreeMap::new(),
         };
         for metric in METRICS.iter().filter(|metric| metric.column().is_some()) {

@@ -29,4 +29,4 @@ pub use run_units::RunUnits;
 pub use store::{REPORT_LIST, StoredSession, UNITS, Units};
 pub use tables::{collect_tables, made_of, read_tables, write_tables};
 pub use unit::{DriveFacts, StoredUnit, UnitHeader, UnitRows, UnitWriter, unit_format};
-pub use worst::{Badness, MAX_EARLIER, WorstFrame, WorstFrames, WorstPicture};
+pub use worst::{Badness, WorstFrame, WorstFrames, WorstPicture};

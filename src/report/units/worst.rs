@@ -6,12 +6,9 @@ use std::cmp::Ordering;
 
 /// The number of frames of an algorithm that a unit and a page show as its worst.
 pub const MAX_WORST: usize = 5;
-/// Frames that a choice keeps beyond its own while more may come: a later, worse one within a
-/// second takes the place of one that hid others.
-const MAX_SPARE: usize = 3;
-/// Frames of earlier blocks, a second apart, that keep as bad a later one from the worst of a run:
-/// each that is chosen among them hides at most one other.
-pub const MAX_EARLIER: usize = 2 * MAX_WORST;
+/// Frames that a choice keeps while more may come: a later, worse one within a second takes the
+/// place of one that hid others.
+const MAX_KEPT: usize = MAX_WORST + 8;
 /// No two of the frames of a recording are within this time.
 const MIN_APART_NS: u64 = 1_000_000_000;
 
@@ -69,22 +66,22 @@ pub enum WorstPicture {
     Sample,
 }
 
-/// The `N` worst of frames that come one by one.
-pub struct WorstFrames<T, const N: usize = MAX_WORST>(Vec<WorstFrame<T>>);
+/// The worst of frames that come one by one.
+pub struct WorstFrames<T>(Vec<WorstFrame<T>>);
 
-impl<T, const N: usize> Default for WorstFrames<T, N> {
+impl<T> Default for WorstFrames<T> {
     fn default() -> Self {
         Self(Vec::new())
     }
 }
 
-impl<T, const N: usize> WorstFrames<T, N> {
+impl<T> WorstFrames<T> {
     /// True if a frame that is so bad may be one of the worst: never one without a missed or wrong
     /// cell.
     pub fn takes(&self, badness: &Badness) -> bool {
         let is_worse = |own: &WorstFrame<T>| badness.order(&own.badness).is_gt();
         // Neighbours of worse frames fill no place.
-        let is_full = self.0.len() >= N + MAX_SPARE && self.chosen().len() == N;
+        let is_full = self.0.len() >= MAX_KEPT && self.chosen().len() == MAX_WORST;
         let is_bad = badness.missed + badness.wrong > 0;
         is_bad && (!is_full || self.0.iter().any(is_worse))
     }
@@ -97,10 +94,10 @@ impl<T, const N: usize> WorstFrames<T, N> {
             let places = (a.run, a.place).cmp(&(b.run, b.place));
             b.badness.order(&a.badness).then(places)
         });
-        if self.0.len() > N + MAX_SPARE {
+        if self.0.len() > MAX_KEPT {
             let chosen = self.chosen();
             let last = (0..self.0.len()).rfind(|i| !chosen.contains(i));
-            self.0.remove(last.unwrap_or(N + MAX_SPARE));
+            self.0.remove(last.unwrap_or(MAX_KEPT));
         }
     }
 
@@ -122,7 +119,7 @@ impl<T, const N: usize> WorstFrames<T, N> {
                 let apart_ns = stamps.map(|(a, b)| a.abs_diff(b));
                 other.run == frame.run && apart_ns.is_some_and(|ns| ns < MIN_APART_NS)
             };
-            if chosen.len() < N && !chosen.iter().any(is_near) {
+            if chosen.len() < MAX_WORST && !chosen.iter().any(is_near) {
                 chosen.push(i);
             }
         }
@@ -136,7 +133,7 @@ mod tests {
     use std::cmp::Reverse;
 
     fn chosen(frames: &[(u64, u64)]) -> Vec<(u64, u64)> {
-        let mut worst = WorstFrames::<_>::default();
+        let mut worst = WorstFrames::default();
         for (place, &(tenths, wrong)) in frames.iter().enumerate() {
             let badness = Badness {
                 wrong,
@@ -211,45 +208,6 @@ mod tests {
             assert_eq!(own.first(), all.first(), "{frames:?}");
             let shared = own.iter().filter(|frame| all.contains(frame)).count();
             assert!(shared + 1 >= all.len(), "{frames:?}");
-        }
-    }
-
-    /// A frame that the blocks before outdo is in no choice from all blocks.
-    #[test]
-    fn blocks_before_keep_only_frames_away_that_no_run_shows() {
-        let mut random = fastrand::Rng::with_seed(7);
-        for _ in 0..200 {
-            let mut earlier = WorstFrames::<(), MAX_EARLIER>::default();
-            let [mut all, mut fewer] = [(); 2].map(|()| WorstFrames::<()>::default());
-            for block in 0..8 {
-                let [mut own, mut taken] = [(); 2].map(|()| WorstFrames::<()>::default());
-                for place in 16 * block..16 * (block + 1) {
-                    let frame = WorstFrame {
-                        badness: Badness {
-                            wrong: random.u64(..12),
-                            ..Badness::default()
-                        },
-                        run: 0,
-                        place,
-                        stamp_ns: Some(place * 300_000_000),
-                        picture: (),
-                    };
-                    if earlier.takes(&frame.badness) {
-                        taken.add(frame.clone());
-                    }
-                    own.add(frame);
-                }
-                own.finish().into_iter().for_each(|frame| all.add(frame));
-                for frame in taken.finish() {
-                    earlier.add(frame.clone());
-                    fewer.add(frame);
-                }
-            }
-            let places = |worst: WorstFrames<()>| {
-                let frames = worst.finish().into_iter();
-                frames.map(|frame| frame.place).collect::<Vec<_>>()
-            };
-            assert_eq!(places(fewer), places(all));
         }
     }
 }

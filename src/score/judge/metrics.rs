@@ -1038,47 +1038,21 @@ const BY_AREA: usize = {
     count
 };
 
+/// Places of values: the headline's by [`METRICS`], then those over floor, over what is beyond and
+/// over all.
+const PLACES: usize = METRICS.len() + 3 * BY_AREA;
+const _: () = assert!(PLACES <= u128::BITS as usize);
+
 /// Values of a frame or a run for the metrics of [`METRICS`] that have a column: those of areas for
-/// each area, of which one is selected.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// each area, of which one is selected. Most are absent, and take no memory: a report has a row per
+/// pair.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MetricValues {
-    /// Values of no area, and of obstacles.
-    own: [StoredValue; METRICS.len()],
-    /// Values over floor, over what is beyond and over all, in the order of [`METRICS`].
-    areas: [[StoredValue; BY_AREA]; 3],
+    /// A bit per place that has a value.
+    known: u128,
+    /// The values, by their places.
+    values: Vec<f64>,
     selected: AreaChoice,
-}
-
-/// A value, or NaN for none: half as large as an [`Option`], as reports hold a row per pair.
-#[derive(Clone, Copy, Debug)]
-struct StoredValue(f64);
-
-impl StoredValue {
-    const NONE: Self = Self(f64::NAN);
-
-    fn new(value: Option<f64>) -> Self {
-        value.map_or(Self::NONE, Self)
-    }
-
-    fn get(self) -> Option<f64> {
-        (!self.0.is_nan()).then_some(self.0)
-    }
-}
-
-impl PartialEq for StoredValue {
-    fn eq(&self, other: &Self) -> bool {
-        self.get() == other.get()
-    }
-}
-
-impl Default for MetricValues {
-    fn default() -> Self {
-        Self {
-            own: [StoredValue::NONE; METRICS.len()],
-            areas: [[StoredValue::NONE; BY_AREA]; 3],
-            selected: AreaChoice::default(),
-        }
-    }
 }
 
 impl MetricValues {
@@ -1098,16 +1072,16 @@ impl MetricValues {
 
     /// Values of the headline.
     pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
-        Self {
-            own: std::array::from_fn(|i| StoredValue::new(value(&METRICS[i]))),
-            ..Self::default()
+        let mut values = Self::default();
+        for metric in METRICS {
+            values.set(metric.name, value(metric));
         }
+        values
     }
 
-    /// The same values, of which those of an area are read.
-    #[must_use]
-    pub fn in_area(self, selected: AreaChoice) -> Self {
-        Self { selected, ..self }
+    /// Selects the area of the values that are read.
+    pub fn select(&mut self, area: AreaChoice) {
+        self.selected = area;
     }
 
     /// The area of the values that are read.
@@ -1128,11 +1102,14 @@ impl MetricValues {
     /// # Panics
     /// Panics as [`Self::get`] does.
     pub fn get_in(&self, name: &str, area: AreaChoice) -> Option<f64> {
-        let place = place(name);
-        match area_place(place).zip(area_index(area)) {
-            Some((place, area)) => self.areas[area][place].get(),
-            None => self.own[place].get(),
-        }
+        let (is_known, index) = self.find(value_place(name, area));
+        is_known.then(|| self.values[index])
+    }
+
+    /// True if there is a value at a place, and its index in the values, or that where it belongs.
+    fn find(&self, place: usize) -> (bool, usize) {
+        let before = self.known & ((1 << place) - 1);
+        (self.known >> place & 1 == 1, before.count_ones() as usize)
     }
 
     /// Sets the value of the headline.
@@ -1141,14 +1118,17 @@ impl MetricValues {
     }
 
     pub fn set_in(&mut self, name: &str, area: AreaChoice, value: Option<f64>) {
-        let (place, value) = (place(name), StoredValue::new(value));
-        match area_place(place).zip(area_index(area)) {
-            Some((place, area)) => self.areas[area][place] = value,
-            None => self.own[place] = value,
-        }
+        let place = value_place(name, area);
+        let (is_known, index) = self.find(place);
+        // A mean of no values is none.
+        let value = value.filter(|value| !value.is_nan());
+        self.values
+            .splice(index..index + usize::from(is_known), value);
+        self.known &= !(1 << place);
+        self.known |= u128::from(value.is_some()) << place;
     }
 
-    /// Sets the counts of all cells to the sums of the areas'.
+    /// Sets the counts of all cells to the sums of the areas', once all values are set.
     pub fn add_up(&mut self) {
         for metric in METRICS.iter().filter(|metric| metric.by_area) {
             if metric.column().is_some() {
@@ -1158,6 +1138,7 @@ impl MetricValues {
                 self.set_in(metric.name, AreaChoice::All, sum);
             }
         }
+        self.values.shrink_to_fit();
     }
 
     /// The number of the cases of a metric that counts them, in an area; those of a metric of no
@@ -1218,9 +1199,13 @@ fn area_place(place: usize) -> Option<usize> {
     METRICS[place].by_area.then(|| before().count())
 }
 
-/// The place of an area among those of [`MetricValues::areas`].
-fn area_index(area: AreaChoice) -> Option<usize> {
-    (area as usize).checked_sub(1)
+/// The place of a metric's value in an area; that of a metric of no area is the same in all.
+fn value_place(name: &str, area: AreaChoice) -> usize {
+    let place = place(name);
+    match area_place(place).zip((area as usize).checked_sub(1)) {
+        Some((own, area)) => METRICS.len() + area * BY_AREA + own,
+        None => place,
+    }
 }
 
 impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
@@ -1297,14 +1282,28 @@ mod tests {
         let mut values = MetricValues::from([("right", 3.0), ("missed", 1.0)]);
         values.set_in("right", AreaChoice::Floor, Some(5.0));
         values.add_up();
-        let right = |area| values.in_area(area).get("right");
+        let selected = |area| {
+            let mut values = values.clone();
+            values.select(area);
+            values
+        };
+        let right = |area| selected(area).get("right");
         let expected = [Some(3.0), Some(5.0), None, Some(8.0)];
         assert_eq!(AreaChoice::ALL.map(right), expected);
         // Near cells count in any area.
-        let missed = |area| values.in_area(area).get("missed");
+        let missed = |area| selected(area).get("missed");
         assert_eq!(AreaChoice::ALL.map(missed), [Some(1.0); 4]);
         // Nothing is measured where no cell is of the area.
         assert_eq!(values.get_in("wrong", AreaChoice::All), None);
+        // A value that is taken away leaves the others.
+        for none in [None, Some(f64::NAN)] {
+            let mut fewer = values.clone();
+            fewer.set("right", none);
+            let left = [("right", AreaChoice::Floor), ("right", AreaChoice::All)];
+            let left = left.map(|(name, area)| fewer.get_in(name, area));
+            assert_eq!(left, [Some(5.0), Some(8.0)]);
+            assert_eq!((fewer.get("right"), fewer.get("missed")), (None, Some(1.0)));
+        }
     }
 
     #[test]

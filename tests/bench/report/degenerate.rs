@@ -151,7 +151,7 @@ fn rows(scenario: &Scenario) -> (Vec<Row>, Errors) {
                 rows.push(Row {
                     seed: Some(*seed),
                     stamp_ns: frame.stamp_ns,
-                    metrics: scored.metrics,
+                    metrics: scored.metrics.clone(),
                     ..fixture::row(label, frame.sequence, us)
                 });
             }

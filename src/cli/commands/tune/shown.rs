@@ -98,7 +98,7 @@ pub(super) fn sides(judged: &Judged) -> Vec<FrameSide> {
         let tally = estimate.disparity.tally();
         FrameSide {
             algorithm: estimate.algorithm.clone(),
-            metrics: scored.metrics,
+            metrics: scored.metrics.clone(),
             ms: None,
             why: tally.map(|count| 100.0 * count as f64 / pixels),
             picture: picture.ok().map(Arc::new),

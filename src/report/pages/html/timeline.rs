@@ -212,5 +212,7 @@ fn worst_pair<'a>(rows: &[&'a Row]) -> Option<&'a Row> {
 }
 
 fn sum(rows: &[&Row], metric: &str) -> f64 {
-    rows.iter().filter_map(|row| row.metrics.get(metric)).sum()
+    let values = rows.iter().filter_map(|row| row.metrics.get(metric));
+    // The sum of nothing would be -0.
+    values.fold(0.0, |sum, value| sum + value)
 }
