@@ -69,18 +69,14 @@ impl EvaluationPlan<'_> {
     /// The witness of the report, where one of these runs needs it.
     pub(super) fn witness(&self, runs: &[ReportRun]) -> Result<Option<PlannedWitness>> {
         let scenario = self.scenario;
-        let is_estimated = |metric: &Metric| metric.estimated().is_some();
-        let columns = self.shown.columns.unwrap_or(&scenario.columns);
-        let is_named = match columns {
-            ColumnChoice::Named(all) => all.iter().any(|own| is_estimated(own)),
-            _ => false,
+        let named = match self.shown.columns.unwrap_or(&scenario.columns) {
+            ColumnChoice::Named(all) => &all[..],
+            _ => &[],
         };
-        let is_asked = is_named
-            || self.shown.sort.is_some_and(is_estimated)
-            || scenario
-                .gate
-                .iter()
-                .any(|limit| self.shown.gate && is_estimated(limit.metric));
+        let limits = scenario.gate.iter().filter(|_| self.shown.gate);
+        let named = named.iter().copied().chain(self.shown.sort);
+        let mut asked = named.chain(limits.map(|limit| limit.metric));
+        let is_asked = asked.any(|metric| metric.estimated().is_some());
         let is_driven = matches!(scenario.source, ScenarioSource::Drive { .. });
         let needs = |run: &ReportRun| !run.is_raw && (is_asked || !run.has_truth);
         let is_safe = scenario.grid.decision == CellDecision::Safe;

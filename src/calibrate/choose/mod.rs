@@ -5,7 +5,7 @@ mod coverage;
 mod pose;
 
 pub use coverage::MissingCoverage;
-pub use pose::outline;
+pub use pose::{outline, unseen_edge};
 
 use super::detect::{Detection, Edge, Sighting};
 use super::{Board, StereoView};

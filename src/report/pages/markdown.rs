@@ -1,6 +1,5 @@
 //! A summary as Markdown.
 
-use crate::results::answer::MAX_ESTIMATES;
 use crate::results::summary::Results;
 use crate::show::table::markdown::escape;
 use crate::show::table::model::Table;
@@ -18,7 +17,7 @@ impl Results {
             page.push_str(&format!("\n**Warning:** {}\n", escape(&caution)));
         }
         page.push_str(&format!("\n{}", self.headline().markdown()));
-        for line in [self.legend(), self.estimate_words(MAX_ESTIMATES)].concat() {
+        for line in self.legend() {
             page.push_str(&format!("\n{}\n", escape(&line)));
         }
         let mut section = |title: &str, table: &Table| {

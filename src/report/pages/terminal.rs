@@ -12,9 +12,6 @@ use svl_score::judge::{ColumnChoice, Metric, TruthLevel};
 const MAX_ALGORITHMS: usize = 15;
 const FIRST_ALGORITHMS: usize = 12;
 
-/// Limit of the algorithms whose estimated errors the screen tells.
-const MAX_ESTIMATES: usize = 2;
-
 /// Head of a caution, below whose words it continues.
 const CAUTION: &str = "warning: ";
 
@@ -53,8 +50,7 @@ impl Results {
                 0 => {}
                 more => text += &format!("and {more} more: see the page, or --columns all\n"),
             }
-            let legend = [self.legend(), self.estimate_words(MAX_ESTIMATES)].concat();
-            let legend = legend.into_iter();
+            let legend = self.legend().into_iter();
             text.extend(legend.map(|line| wrapped(&line, 2, style.width)));
         }
         let absent = self.absent_columns();
@@ -62,8 +58,7 @@ impl Results {
             let names = joined(absent.iter().map(|metric| metric.name));
             // A source of the truth is named once, for all of them.
             let cure = if self.truth.is_empty() && absent.iter().any(|m| m.against_truth) {
-                "; to compare with ground truth, name a sensor, or a board in view, by \
-                 --truth"
+                "; to compare with ground truth, name a sensor, or a board in view, by --truth"
             } else {
                 ""
             };

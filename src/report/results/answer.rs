@@ -11,8 +11,8 @@ use svl_score::judge::{AreaChoice, Metric, TruthLevel};
 
 /// Limit of the algorithms whose faults are named.
 const MAX_NAMED: usize = 3;
-/// Limit of the algorithms whose estimated errors a page tells.
-pub(crate) const MAX_ESTIMATES: usize = 8;
+/// Limit of the algorithms whose estimated errors are told.
+const MAX_ESTIMATES: usize = 3;
 
 impl Unfit {
     /// The reason, before the algorithms that it is of.
@@ -262,18 +262,18 @@ impl Results {
         let order = self.shown.sort.and_then(|_| self.order_words());
         let order = order.map(|words| format!("The algorithms are {words}."));
         let parts = marks.into_iter().chain(self.own_pairs_words());
-        parts.chain(order).collect()
+        parts.chain(order).chain(self.estimate_words()).collect()
     }
 
-    /// The estimated errors of at most that many algorithms: the first, and one that has none.
-    pub(crate) fn estimate_words(&self, most: usize) -> Vec<String> {
+    /// The estimated errors of the first algorithms, and of one that has none.
+    fn estimate_words(&self) -> Vec<String> {
         let mut rows = self.shown_estimates();
         let absent = rows.iter().position(|row| row.absent.is_some());
-        if let Some(place) = absent.filter(|place| *place >= most) {
-            rows.swap(most - 1, place);
+        if let Some(place) = absent.filter(|place| *place >= MAX_ESTIMATES) {
+            rows.swap(MAX_ESTIMATES - 1, place);
         }
-        let words = rows.iter().take(most).map(|row| row.words());
-        let more = rows.len().saturating_sub(most);
+        let words = rows.iter().take(MAX_ESTIMATES).map(|row| row.words());
+        let more = rows.len().saturating_sub(MAX_ESTIMATES);
         let more = (more > 0).then(|| format!("estimates.csv has {more} more."));
         words.chain(more).collect()
     }

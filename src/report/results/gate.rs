@@ -87,7 +87,11 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
             .estimate(label, area)
             .filter(|_| limit.metric.estimated().is_some());
         let untold = estimate.and_then(|own| own.absent.clone().filter(|_| value.is_none()));
-        let cautions: Vec<_> = caution.into_iter().chain(own_pairs).chain(untold).collect();
+        let cautions: Vec<_> = caution
+            .into_iter()
+            .chain(own_pairs)
+            .chain(untold.clone())
+            .collect();
         let [min, max] = limit.bounds();
         let keeps = |v: f64| min.is_none_or(|min| v >= min) && max.is_none_or(|max| v <= max);
         let state = match value {
@@ -101,7 +105,7 @@ pub fn limit_results(limit: &Limit, summary: &Results, manifest: &Manifest) -> V
             algorithm: Some(label.clone()),
             value,
             state,
-            cases: Some(cases),
+            cases: untold.is_none().then_some(cases),
             caution: (!cautions.is_empty()).then(|| cautions.join(", ")),
             ..GateResult::skipped(limit)
         }
@@ -164,19 +168,14 @@ impl GateResult {
             .checkpoint
             .map(|number| format!(" at checkpoint {number}"));
         let range = limit.range.map(|range| format!(" at {range} m"));
+        let ends = [", high end", ", low end"];
         let number = limit.metric.estimated();
-        let end = number.map(|own| {
-            if own.is_of_right() {
-                ", low end"
-            } else {
-                ", high end"
-            }
-        });
+        let end = number.map(|own| ends[usize::from(own.is_of_right())].to_owned());
         let other = limit.relative_to.as_deref().map(|other| match other {
             PRIOR => " minus the prior's".to_owned(),
             other => format!(" in units of {other}'s"),
         });
-        let extent = [area, checkpoint, range, other, end.map(str::to_owned)]
+        let extent = [area, checkpoint, range, other, end]
             .map(Option::unwrap_or_default)
             .concat();
         format!("{algorithm}: {}{extent}", limit.metric.words)

@@ -407,6 +407,7 @@ impl WitnessTally {
 }
 
 /// A pair whose cells are compared.
+#[derive(Clone, Copy, Default)]
 pub struct ComparedPair {
     /// The time; none of a scene, which follows no other.
     pub stamp_ns: Option<u64>,
@@ -548,11 +549,7 @@ mod tests {
     /// 200 cells, of which the first are some tolerances off; the witness is that sure.
     fn tallied(off: &[(u32, f64)], probability: f64) -> EstimateRow {
         let mut tally = WitnessTally::new(RULE);
-        let pair = ComparedPair {
-            stamp_ns: None,
-            infinity_px: None,
-            floor: None,
-        };
+        let pair = ComparedPair::default();
         let tolerances = |column: u32| {
             let mut end = 0;
             let own = off.iter().find(|(cells, _)| {

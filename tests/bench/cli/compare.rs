@@ -161,7 +161,7 @@ fn pairs_that_fail_anew_are_worse() {
         "{score} -o lossy {bm} => 4: some failed on 1 of 5 pairs
         compare a#bm:max_disparity=8 lossy#bm:max_disparity=8
         compare a#some lossy#some --fail-on worse => 3: lossy#some: is incomplete
-        compare b a --fail-on worse
+        compare b a
         compare c#some alone#some --fail-on worse => 3: c#some: has no result of some
         compare c c --fail-on worse => 3: some: pairs: no pair in common"
     ));

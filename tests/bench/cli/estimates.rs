@@ -80,7 +80,7 @@ fn a_limit_of_an_estimate_is_on_its_promised_end() {
         );
         fixture.write("e.toml", text);
     };
-    let score = "score e.toml --gate --rerun none -o e";
+    let score = "score e.toml --gate --rerun none";
     gate("estimated_wrong", "max = 0.5");
     fixture.transcript(&format!(
         "{score} => pass | wrong cells, high end | in common with v5"
@@ -96,7 +96,7 @@ fn a_limit_of_an_estimate_is_on_its_promised_end() {
     // Too few pairs: nothing is measured, and the limit is not kept.
     gate("estimated_wrong", "max = 0.5");
     fixture.transcript(&format!(
-        "{score} --every 10 => 3: is not measured | cells in common with v5, of 100"
+        "{score} --every 10 -o few => 3: is not measured in this run, at most | of 100 (line"
     ));
 }
 
@@ -136,7 +136,8 @@ fn a_board_in_view_is_the_truth() {
     let score = "score board.mcap --calib calib.yml --algo sgm --algo v5 --rerun none";
     fixture.transcript(&format!(
         "{score} --truth board:9x6 -o b => against a board of 9x6 corners, on it alone
-        {score} --truth board:8x6 -o c => 1: no pair of 30 | a board of 9x6
+        {score} --truth board:8x6 -o c => 1: board of 8x6 in 0 of 30 pairs | a board of 9x6 | cut off \
+        | seen whole, flat and still
         {score} --truth board:9x -o c => 2: --truth board:9x | expected inner corners as 9x6
         {score} --truth board:2x6 -o c => 2: each side needs 3 to 50
         score board.mcap --truth board:9x6 --calib raw --algo sgm -o c => 1: svl calibrate board"

@@ -4,16 +4,14 @@ use super::fixture::{Fixture, assert_says};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-const SCORE: &str = "score pairs --algo bm:max_disparity=8 --algo v3:max_disparity=8 --stress \
+const SCORE: &str = "score bag.mcap --algo bm:max_disparity=8 --algo v3:max_disparity=8 --stress \
                      noise=4/8 -q --rerun none";
 
-/// A folder of four pairs.
-fn pairs() -> Fixture {
+/// A bag of the arena whose truth is named only on demand.
+fn bag() -> Fixture {
     let fixture = Fixture::new();
-    for i in 0..4 {
-        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i}.pgm"));
-        fixture.write_pair(&left, &right, (40, 20), 3);
-    }
+    fixture.record("run.mcap", "arena --frames 12 --seed 7");
+    fixture.run("record run.mcap --ros2 -q -o bag.mcap");
     fixture
 }
 
@@ -50,7 +48,7 @@ fn figures(fixture: &Fixture, folder: &str) -> Vec<String> {
 
 #[test]
 fn every_plot_of_the_page_is_a_file() {
-    let fixture = pairs();
+    let fixture = bag();
     fixture.run(&format!("{SCORE} -o r --figures out/figures"));
     let names = figures(&fixture, "out/figures");
     let expected = [
@@ -83,10 +81,10 @@ fn every_plot_of_the_page_is_a_file() {
 
 #[test]
 fn a_sweep_of_two_parameters_has_its_heat_map() {
-    let fixture = pairs();
+    let fixture = bag();
     let grid = "bm:max_disparity=4/8,block_size=5/7/9";
     fixture.run(&format!(
-        "score pairs --algo {grid} -q --rerun none -o r --figures f"
+        "score run.mcap --algo {grid} -q --rerun none -o r --figures f"
     ));
     let names = figures(&fixture, "f");
     let heat = names.iter().find(|name| name.starts_with("heat-map-bm"));
@@ -99,7 +97,7 @@ fn a_sweep_of_two_parameters_has_its_heat_map() {
 
 #[test]
 fn a_folder_of_others_is_refused_before_the_run() {
-    let fixture = pairs();
+    let fixture = bag();
     fixture.write("full/notes.txt", "mine");
     fixture.write("file", "mine");
     fixture.fails(&format!(

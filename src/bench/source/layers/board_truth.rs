@@ -2,13 +2,13 @@
 //! of the pixel, whatever the size of its squares.
 
 use crate::source::frames::{BoardPlane, Source, wraps};
-use nalgebra::{Point2, Point3, Vector2};
+use nalgebra::{Point2, Point3};
 use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_calibrate::Board;
-use svl_calibrate::choose::{Refusal, outline};
+use svl_calibrate::choose::{Refusal, outline, unseen_edge};
 use svl_calibrate::detect::{Detection, PairDetector};
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{Frame, Geometry, Plane, Rig, Side, StereoCalibration};
@@ -29,6 +29,7 @@ type SeenBoard = Arc<Mutex<Option<(u64, bool, [Detection; 2])>>>;
 
 /// Finds the board in pairs as they were read, for [`BoardTruth`].
 pub struct BoardFinder {
+    board: Board,
     detector: PairDetector,
     seen: SeenBoard,
 }
@@ -51,7 +52,12 @@ impl Source for BoardSightings<'_> {
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
         if let Some(frame) = &frame {
-            let seen = self.finder.detector.find(&frame.pair);
+            let found = self.finder.detector.find(&frame.pair);
+            let (board, size) = (&self.finder.board, frame.pair.size());
+            let seen = found.map(|own| match unseen_edge(board, own.corners(), size) {
+                None => own,
+                beyond => Detection::Part { beyond },
+            });
             let is_raw = matches!(frame.geometry, Geometry::Raw);
             *self.finder.seen.lock() = Some((frame.sequence, is_raw, seen));
         }
@@ -93,6 +99,7 @@ impl BoardTruth {
     /// The errors of [`PairDetector::new`].
     pub fn finder(&self) -> Result<BoardFinder> {
         Ok(BoardFinder {
+            board: self.board,
             detector: PairDetector::new(self.board)?,
             seen: Arc::clone(&self.seen),
         })
@@ -154,27 +161,19 @@ impl BoardTruth {
         if !is_of_one_time && moved_px > Some(MAX_MOTION_PX) {
             return Err(Refusal::Moving.to_string());
         }
-        let rectified = if is_raw {
-            let Geometry::Rectified(_) = frame.geometry else {
-                return Err("not rectified: svl calibrate board".to_owned());
-            };
-            let by = frame.calibration.as_deref();
-            let sides = [Side::Left, Side::Right].map(|side| {
-                let points = corners[side as usize].iter();
-                let point = |point: &Point2<f64>| match by {
-                    Some(calibration) => rectified(calibration, side, point),
-                    None => Some(*point),
-                };
-                points.map(point).collect::<Option<Vec<_>>>()
-            });
-            let [Some(left), Some(right)] = sides else {
-                return Err("beyond what its lens is calibrated for".to_owned());
-            };
-            [left, right]
-        } else {
-            corners.map(<[_]>::to_vec)
+        if matches!(frame.geometry, Geometry::Raw) {
+            return Err("not rectified: svl calibrate board".to_owned());
+        }
+        let by = frame.calibration.as_deref().filter(|_| is_raw);
+        let rectified = Side::BOTH.map(|side| {
+            let points = corners[side as usize].iter();
+            let point = |at| by.map_or(Some(*at), |by| rectified(by, side, at));
+            points.map(point).collect::<Option<Vec<_>>>()
+        });
+        let [Some(left), Some(right)] = rectified else {
+            return Err("beyond what its lens is calibrated for".to_owned());
         };
-        let found = BoardPlane::new(rectified).ok_or("bent or blurred")?;
+        let found = BoardPlane::new([left, right]).ok_or("bent or blurred")?;
         let [left, right] = &found.corners;
         let rows = left.iter().zip(right).map(|(l, r)| (l.y - r.y).abs());
         if rows.sum::<f64>() > MAX_ROWS_PX * left.len() as f64 {
@@ -231,20 +230,18 @@ impl BoardTruth {
         )
     }
 
-    /// Fails where no pair of several shows the board.
+    /// Fails where no pair shows the board.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the most frequent reason.
+    /// [`Error::Invalid`] with the reasons.
     pub fn check_any(&self, name: &str) -> Result<()> {
-        let most = self.refused.iter().max_by_key(|(_, pairs)| **pairs);
-        match most.filter(|_| self.rms_px.is_empty()) {
-            None => Ok(()),
-            Some((why, _)) => Err(Error::Invalid(format!(
-                "{name}: --truth board:{}: no pair of {} shows it whole, flat and still: {why}",
-                self.size(),
-                self.refused()
-            ))),
+        if self.refused.is_empty() || !self.rms_px.is_empty() {
+            return Ok(());
         }
+        Err(Error::Invalid(format!(
+            "{name}: --truth: {}; it has to be seen whole, flat and still by both cameras",
+            self.words()
+        )))
     }
 }
 
@@ -361,9 +358,7 @@ fn rectified(
         Side::Left => (calibration.left(), rectification.left),
         Side::Right => (calibration.right(), rectification.right),
     };
-    let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
-    let target = Vector2::new((pixel.x - cx) / fx, (pixel.y - cy) / fy);
-    let direction = rotation * camera.distortion().undistort(target)?.push(1.0);
+    let direction = rotation * camera.direction(*pixel)?.push(1.0);
     let projected = rectification.rig.intrinsics(side) * direction;
     (direction.z > 0.0).then(|| Point2::from(projected.xy() / projected.z))
 }

@@ -15,7 +15,7 @@ use anyhow::{Context, bail};
 use std::path::PathBuf;
 use svl::matcher::Algorithm;
 use svl::runs::{self, runs};
-use svl::scenario::{Scenario, SourceOptions};
+use svl::scenario::{Scenario, SourceOptions, is_of_witness};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
 use svl::source::{PairRegister, Request, Source, SourceKind};
@@ -148,9 +148,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let raw = frame.rectified().is_err().then(|| {
         "its pairs are raw, and taken as rectified: --calib names a calibration".to_owned()
     });
+    let is_witness = settings
+        .iter()
+        .any(|own| is_of_witness(own.algorithm.spec().name));
+    let unranked = (frame.truth.is_none() && is_witness).then(|| {
+        "errors of v5 are not estimated, as it is the witness: a board in view (--truth \
+         board:9x6) gives numbers"
+            .to_owned()
+    });
     let target = viewer.map(|target| (target, name.clone()));
     let worker = TuneWorker::begin(sampler, tuned.judge, target)?;
-    if let Some(words) = raw.or(without) {
+    if let Some(words) = raw.or(without).or(unranked) {
         stepper.say(words);
     }
     let files = args.filters.files(&filters);

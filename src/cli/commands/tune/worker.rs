@@ -13,7 +13,7 @@ use svl::notice::Notice;
 use svl::pass::{Matchers, Monitor, Pace};
 use svl::report::Row;
 use svl::report::compare::changes;
-use svl::scenario::witness;
+use svl::scenario::{is_of_witness, witness};
 use svl::score::{Judge, Judged, METRICS, Metric};
 use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene, WatchSink, finish};
 use svl::stereo::Frame;
@@ -187,7 +187,7 @@ impl Bench {
     }
 
     fn do_job(&mut self, job: &Job) -> svl::Result<()> {
-        self.prepare(&job.settings, job.frame.truth.is_some())?;
+        self.prepare(&job.settings, &job.frame)?;
         self.show_frame(&job.frame)?;
         let newest = self.seen.back().map(|frame| frame.sequence);
         if self.sampler.is_none() && newest != Some(job.frame.sequence) {
@@ -202,7 +202,7 @@ impl Bench {
     }
 
     /// Builds the matchers if the settings changed.
-    fn prepare(&mut self, settings: &[TunedSetting; 2], has_truth: bool) -> svl::Result<()> {
+    fn prepare(&mut self, settings: &[TunedSetting; 2], frame: &Frame) -> svl::Result<()> {
         let [now, _] = settings;
         let algorithms = settings.each_ref().map(|setting| &setting.algorithm);
         // Both are built the next time where one of them cannot be.
@@ -236,7 +236,9 @@ impl Bench {
             record.parameters = title(algorithm);
         }
         if is_old == [false; 2] {
-            let witness = (!has_truth).then(witness);
+            let is_own = algorithms.iter().any(|own| is_of_witness(own.spec().name));
+            let is_seen = frame.truth.is_none() && frame.rectified().is_ok() && !is_own;
+            let witness = is_seen.then(witness);
             let algorithms: Vec<_> = labelled.iter().cloned().chain(witness).collect();
             self.matchers = Matchers::new(&algorithms)?.without_warnings();
         } else {
@@ -306,9 +308,7 @@ impl Bench {
     ) -> svl::Result<Vec<Row>> {
         let rows = Outbox::default();
         sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
-        if pace != Pace::Asap {
-            sinks.push(Box::new(self.cells.clone()));
-        }
+        sinks.push(Box::new(self.cells.clone()));
         let start = PassStart::new(&self.manifest, None, &self.judge);
         let mut watch = KeyWatch {
             shared: &self.shared,
@@ -319,9 +319,7 @@ impl Bench {
         let ran = evaluate(frames, &mut self.matchers, &start, pace, sinks, &mut watch);
         let failure = watch.failure;
         finish(vec![sinks.remove(0)])?;
-        if pace != Pace::Asap {
-            sinks.pop();
-        }
+        sinks.pop();
         ran?;
         if failure.is_some() {
             self.shared.0.lock().shown.failure = failure;
@@ -391,7 +389,8 @@ impl Bench {
         let (now, compared): (Vec<_>, Vec<_>) = rows.unzip();
         let mut changes = changes(&compared, &now, METRICS);
         let rule = self.judge.cells;
-        changes.extend(self.cells.changes([LABELS[1], LABELS[0]], rule));
+        let labels = [LABELS[1], LABELS[0]];
+        changes.extend(self.cells.changes(self.rows.keys(), labels, rule));
         let has = |metric: &Metric| changes.iter().any(|change| change.metric == metric);
         let metrics = [
             ("wrong", true),

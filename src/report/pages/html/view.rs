@@ -7,7 +7,6 @@ use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
 use super::scenes::{picture_colors, scene_view};
 use super::shades::{parameter_shades, swept};
 use super::timeline::run_name;
-use crate::results::answer::MAX_ESTIMATES;
 use crate::show::page::parts::{PageImages, css_color};
 use crate::show::table::model::{Table, TableCell, TableColumn};
 use minijinja::{Value, context};
@@ -60,8 +59,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         manifest, summary, identity, scope => summary.scope_words(), answer => summary.answer(),
         order => summary.order_words(), cautions => summary.cautions(),
         paragraphs => paragraphs.filter(|p| !p.is_empty()).collect::<Vec<_>>(),
-        overview => overview(page, &headline),
-        legend => [summary.legend(), summary.estimate_words(MAX_ESTIMATES)].concat(),
+        overview => overview(page, &headline), legend => summary.legend(),
         headline, heat, metrics => summary.all_metrics(),
         checkpoints => summary.checkpoint_table(), speed => summary.speed_table(),
         accuracy => summary.accuracy_tables(), accuracy_plot => accuracy(page, &colors),
