@@ -8,7 +8,7 @@ use svl_core::Result;
 use svl_core::depth::CellDecision;
 use svl_report::BuildOptions;
 use svl_report::units::{PlannedWitness, ReportRun};
-use svl_score::judge::{ColumnChoice, Metric};
+use svl_score::judge::ColumnChoice;
 use svl_score::losses::Missing;
 use svl_score::manifest::Manifest;
 use svl_score::scenario::{Scenario, ScenarioSource, StressLevels, is_of_witness, witness};

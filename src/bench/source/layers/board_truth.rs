@@ -167,7 +167,7 @@ impl BoardTruth {
         let by = frame.calibration.as_deref().filter(|_| is_raw);
         let rectified = Side::BOTH.map(|side| {
             let points = corners[side as usize].iter();
-            let point = |at| by.map_or(Some(*at), |by| rectified(by, side, at));
+            let point = |at: &Point2<f64>| by.map_or(Some(*at), |by| rectified(by, side, at));
             points.map(point).collect::<Option<Vec<_>>>()
         });
         let [Some(left), Some(right)] = rectified else {
@@ -248,8 +248,8 @@ impl BoardTruth {
 /// How long distances on a board are by the rig, of the printed ones.
 #[derive(Default)]
 pub struct BoardScale {
-    /// Per pair along rows, along columns, and along both.
-    pairs: Vec<[f64; 3]>,
+    /// Per pair the scale, and that along rows over that along columns.
+    pairs: Vec<(f64, f64)>,
 }
 
 /// The scale of a rig, by a board.
@@ -283,27 +283,24 @@ impl BoardScale {
                 .collect()
         };
         let (along, down) = (apart(1), apart(columns));
-        let both = [&along[..], &down].concat();
-        let medians = [along, down, both].map(lower_median);
-        if let [Some(along), Some(down), Some(both)] = medians {
-            self.pairs.push([along, down, both]);
-        }
+        let scale = lower_median([&along[..], &down].concat());
+        let sides = lower_median(along).zip(lower_median(down));
+        let stretch = sides.map(|(along, down)| along / down);
+        self.pairs.extend(scale.zip(stretch));
     }
 
     /// The scale by all pairs; `None` without any.
     pub fn scale(mut self) -> Option<RigScale> {
         let pairs = self.pairs.len();
-        let median = |own: &dyn Fn(&[f64; 3]) -> f64| lower_median(self.pairs.iter().map(own));
-        let stretch = median(&|own| own[0] / own[1])?;
-        let scale = median(&|own| own[2])?;
-        self.pairs.sort_by(|a, b| a[2].total_cmp(&b[2]));
+        let stretch = lower_median(self.pairs.iter().map(|own| own.1))?;
+        self.pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Ranks between which the median is in 95 % of the samples.
         let half = 0.98 * (pairs as f64).sqrt();
         let middle = (pairs - 1) as f64 / 2.0;
-        let at = |place: f64| self.pairs[place.clamp(0.0, (pairs - 1) as f64) as usize][2];
+        let at = |place: f64| self.pairs[place.clamp(0.0, (pairs - 1) as f64) as usize].0;
         Some(RigScale {
             pairs,
-            scale,
+            scale: at(middle),
             interval: [at((middle - half).floor()), at((middle + half).ceil())],
             stretch,
         })
