@@ -228,6 +228,18 @@ mod tests {
     }
 
     #[test]
+    fn a_board_at_an_edge_may_be_part_of_a_larger_one() {
+        let board = Board::new((8, 6), None).unwrap();
+        let edge = |left: f64| {
+            let corners = board.corners();
+            let seen = corners.map(|at| Point2::new(left + 20.0 * at.x, 40.0 + 20.0 * at.y));
+            unseen_edge(&board, &seen.collect::<Vec<_>>(), (640, 480))
+        };
+        let edges = [10.0, 60.0, 490.0].map(edge);
+        assert_eq!(edges, [Some(Edge::Left), None, Some(Edge::Right)]);
+    }
+
+    #[test]
     fn held_poses_are_kept_once_and_moving_ones_never() {
         let moving = MovingBoard::new(1).unwrap();
         let mut chooser = chooser(&moving);

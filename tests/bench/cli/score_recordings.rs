@@ -59,7 +59,7 @@ fn measured_distances_judge_a_bag_as_the_truth_judges_the_recording() {
         cat reports/tape/manifest.json => /runs/0/name = bag2.mcap | /runs/0/bytes > 100000
         cat reports/tape/summary.json => /algorithms/0/cells_right = null \
         | /algorithms/0/known_share > 0.1
-        cat reports/tape/index.html => no truth | expected ",
+        cat reports/tape/index.html => no ground truth | expected ",
     );
     let verdicts: Vec<CheckpointRow> =
         read_rows(&fixture.path("reports/tape/checkpoints.csv")).unwrap();
@@ -209,7 +209,7 @@ fn a_source_without_truth_or_frames_is_reported_with_the_cure() {
                 at = [0, 0]\nnearer_m = 1.0\n";
     fixture.write("own.toml", scenario("own", "files = [\"pairs\"]", cell));
     fixture.transcript(
-        "score pairs --algo v3 -q => no truth | reports/pairs/index.html
+        "score pairs --algo v3 -q => no ground truth | reports/pairs/index.html
         score own.toml -q => 1: checkpoint 1 (box) | pairs has no calibration | --calib
         score nothing.mcap => 1: nothing.mcap: no such file
         score scenarios/drive.toml => 1: scenarios/drive.toml: no such file | checkout

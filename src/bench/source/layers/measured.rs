@@ -50,7 +50,8 @@ impl MeasuredMaps {
     ) -> Result<Option<Plane<Surface>>> {
         match self {
             Self::Topic(topic) => topic.surfaces(frame, disparity),
-            Self::Files(_) | Self::Board(_) => Ok(None),
+            Self::Files(_) => Ok(None),
+            Self::Board(_) => Ok(Some(disparity.map(|_| Surface::Object))),
         }
     }
 
