@@ -29,7 +29,10 @@ mod tests {
             drop(large);
         });
         let used = used.unwrap();
-        assert!((2_300_000_000..2_700_000_000).contains(&used.peak), "{used:?}");
+        assert!(
+            (2_300_000_000..2_700_000_000).contains(&used.peak),
+            "{used:?}"
+        );
         assert!((300_000_000..700_000_000).contains(&used.kept), "{used:?}");
         assert!(kept.is_empty());
     }

@@ -1,6 +1,7 @@
 //! The cells of an algorithm that agree with others', or with its own of the unperturbed pair.
 
-use crate::rows::records::{CellRow, Row};
+use crate::rows::held::Row;
+use crate::rows::records::CellRow;
 use svl_core::Result;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};

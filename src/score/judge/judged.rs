@@ -203,6 +203,7 @@ impl Judge {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::judge::MetricSource as _;
     use svl_core::depth;
     use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
 

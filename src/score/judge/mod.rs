@@ -32,7 +32,8 @@ pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use measured::{CaseKind, Cases, Measured, Minimum};
 pub use metrics::{
     Better, CellNumber, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricFault,
-    MetricLevel, MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,
+    MetricLevel, MetricOrigin, MetricSource, MetricTotal, MetricUnit, MetricValues, PLACES,
+    TruthLevel,
 };
 pub use support::agreed_cells;
 pub use truth::{CellTruth, NearTruth, TrueCells};

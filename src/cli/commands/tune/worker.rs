@@ -11,9 +11,9 @@ use std::time::{Duration, Instant};
 use svl::manifest::Manifest;
 use svl::notice::Notice;
 use svl::pass::{Matchers, Monitor, Pace};
-use svl::report::Row;
 use svl::report::compare::changes;
-use svl::score::{Judge, Judged, METRICS, Metric};
+use svl::report::{Row, RowRef, Rows};
+use svl::score::{Judge, Judged, METRICS, Metric, MetricSource as _};
 use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene, WatchSink, finish};
 use svl::stereo::Frame;
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
@@ -374,15 +374,21 @@ impl Bench {
     }
 
     fn publish(&self) {
-        let rows = self.rows.values().map(|[now, compared]| (now, compared));
-        let (now, compared): (Vec<_>, Vec<_>) = rows.unzip();
+        let side =
+            |side: usize| -> Rows { self.rows.values().map(|rows| rows[side].clone()).collect() };
+        let (now, compared) = (side(0), side(1));
+        let [now, compared] = [&now, &compared].map(|rows| rows.iter().collect::<Vec<_>>());
         let changes = changes(&compared, &now, METRICS);
         let ranked_by = [("wrong", true), ("unrivalled", false), ("coverage", false)]
             .into_iter()
             .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
-            .find(|(metric, _)| now.iter().any(|row| row.metrics.get(metric.name).is_some()));
-        let value = |row: &&Row| ranked_by.and_then(|(metric, _)| row.metrics.get(metric.name));
-        let values = now.iter().map(|row| (row.sequence, value(row))).collect();
+            .find(|(metric, _)| {
+                now.iter()
+                    .any(|row| row.metrics().get(metric.name).is_some())
+            });
+        let value =
+            |row: &RowRef<'_>| ranked_by.and_then(|(metric, _)| row.metrics().get(metric.name));
+        let values = now.iter().map(|row| (row.sequence(), value(row))).collect();
         let sample = &mut self.shared.0.lock().shown.sample;
         *sample = SampleView {
             done: now.len(),
