@@ -9,7 +9,7 @@ use crate::results::algorithm_parameters::write_algorithms;
 use crate::results::descriptions::TABLES;
 use crate::results::gate::{GateResult, limit_results};
 use crate::results::summary::{ReportTables, ResultParts, Results, Shown, TopicDelay, pairs_hash};
-use crate::rows::records::Row;
+use crate::rows::held::{RowRef, Rows};
 use crate::rows::samples::grouped;
 use crate::subjects::drives::{COURSES, CoursePlan};
 use crate::subjects::sources::{SUMMARY, Sources};
@@ -185,9 +185,8 @@ impl Report<'_> {
     fn write(mut self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
         let tables = &mut self.tables;
-        for row in tables.rows.iter_mut().chain(&mut tables.references) {
-            row.metrics.select(options.area);
-        }
+        tables.rows.select(options.area);
+        tables.references.select(options.area);
         let tables = &self.tables;
         let mut manifest = self.manifest();
         let parts = ResultParts {
@@ -262,8 +261,8 @@ impl Report<'_> {
         }
         let results = plan.labels().into_iter().map(|label| {
             let mut counts = BTreeMap::new();
-            for row in tables.rows.iter().filter(|row| row.algorithm == label) {
-                *counts.entry(row.session.clone()).or_default() += 1;
+            for row in tables.rows.iter().filter(|row| row.algorithm() == label) {
+                *counts.entry(row.session().to_owned()).or_default() += 1;
             }
             (label.to_owned(), counts)
         });
@@ -420,7 +419,7 @@ impl Report<'_> {
                 let own = drives.iter().filter(|drive| drive.algorithm == label);
                 own.map(|drive| drive.frames - drive.skipped).sum()
             } else {
-                rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed
+                rows.iter().filter(|row| row.algorithm() == label).count() as u64 + failed
             };
             missing.add_failures(label.to_owned(), FailedPairs { pairs, failed });
         }
@@ -509,13 +508,17 @@ fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<Notice> {
         if failures.clone().next().is_none() {
             continue;
         }
-        let rows = tables.rows.iter().filter(|row| row.algorithm == *label);
-        let key = |run: &Option<String>, seed: Option<u64>, stress: &Option<String>| {
-            (stress.clone(), run.clone(), seed)
-        };
-        let answered = rows.map(|row| (key(&row.run, row.seed, &row.stress), row.sequence, None));
+        let rows = tables.rows.iter().filter(|row| row.algorithm() == *label);
+        let key = |run, seed, stress| (stress, run, seed);
+        let answered = rows.map(|row| {
+            (
+                key(row.run(), row.seed(), row.stress()),
+                row.sequence(),
+                None,
+            )
+        });
         let failed = failures.map(|row| {
-            let run_key = key(&row.run, row.seed, &row.stress);
+            let run_key = key(row.run.as_deref(), row.seed, row.stress.as_deref());
             (run_key, row.sequence, Some(row.reason.as_str()))
         });
         let mut pairs: Vec<_> = answered.chain(failed).collect();
@@ -558,22 +561,22 @@ fn nothing_scored(manifest: &Manifest, summary: &Results) -> Option<String> {
 }
 
 /// Digest of the unperturbed pairs of a recording.
-fn recording_hash(rows: &[Row], run: &str) -> Option<String> {
+fn recording_hash(rows: &Rows, run: &str) -> Option<String> {
     let own = rows.iter();
-    let own = own.filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
+    let own = own.filter(|row| row.run() == Some(run) && row.stress().is_none());
     pairs_hash(&own.collect::<Vec<_>>())
 }
 
 /// Per algorithm the time of each pair, ms.
-fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
+fn times_ms(rows: &Rows) -> Vec<(String, Vec<f64>)> {
     let timed = rows.iter();
-    let timed = timed.filter(|row| row.stress.is_none() && row.total_us.is_some());
-    let times = |own: &[&Row]| {
-        let times = own.iter().filter_map(|row| row.total_us);
+    let timed = timed.filter(|row| row.stress().is_none() && row.total_us().is_some());
+    let times = |own: &[RowRef<'_>]| {
+        let times = own.iter().filter_map(|row| row.total_us());
         let times = times.map(|us| us as f64 / 1e3).collect();
-        (own[0].algorithm.clone(), times)
+        (own[0].algorithm().to_owned(), times)
     };
-    grouped(&timed.collect::<Vec<_>>(), |row| &row.algorithm, times)
+    grouped(&timed.collect::<Vec<_>>(), |row| row.algorithm(), times)
 }
 
 /// The file that identifies the run of a report.

@@ -31,8 +31,9 @@ pub use crate::results::summary::{
 pub use crate::results::table_writer::TableWriter;
 pub use crate::rows::columns::ColumnDescription;
 pub use crate::rows::csv_rows::{RowReader, read_rows};
+pub use crate::rows::held::{Row, RowRef, Rows};
 pub use crate::rows::records::{
-    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
+    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record,
     RowError,
 };
 pub use crate::show::junit::{TestCase, TestResult, junit};

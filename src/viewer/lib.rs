@@ -56,7 +56,7 @@ use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use svl_core::timing::Stage;
 use svl_files::overlay::{ColorEnd, algorithm_colors, plot_color};
-use svl_score::judge::{Checkpoint, Judged, METRICS, Metric};
+use svl_score::judge::{Checkpoint, Judged, METRICS, Metric, MetricSource as _};
 use target::Destination;
 
 /// Rerun's application id: recordings of one application share their layout.

@@ -9,7 +9,7 @@ use svl_bench::sink::WorstSecond;
 use svl_core::Result;
 use svl_core::stereo::{DepthGrid, DisparityMap, Frame, Plane};
 use svl_core::timing::Stage;
-use svl_score::judge::{Judged, JudgedEstimate, METRICS};
+use svl_score::judge::{Judged, JudgedEstimate, METRICS, MetricSource as _};
 
 impl RerunSink {
     /// Logs the camera: image, pose, projection, and the name of the scene.

@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13728),
+    ("bench", 13706),
     ("c", 478),
-    ("calibrate", 4988),
-    ("cli", 11046),
+    ("calibrate", 4995),
+    ("cli", 11053),
     ("core", 19558),
     ("files", 2551),
     ("grab", 5131),
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 14946),
-    ("score", 8688),
+    ("report", 15367),
+    ("score", 8692),
     ("sim", 3510),
     ("thesis", 2644),
     ("train", 3435),

@@ -14,7 +14,8 @@ use svl_report::units::{
     Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
 };
 use svl_score::judge::{
-    Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, TrueCells,
+    Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, MetricSource as _,
+    TrueCells,
 };
 
 /// Largest width of a frame's picture, pixels.

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 use std::time::Duration;
 use svl_core::Result;
-use svl_score::judge::{Judged, Metric, MetricValues};
+use svl_score::judge::{Judged, Metric, MetricSource as _, MetricValues};
 
 /// Largest number of algorithms that are shown.
 const MAX_SHOWN: usize = 12;

@@ -8,7 +8,7 @@ use crate::compare::courses::is_alike;
 use crate::results::change::{
     Change, Changes, CheckpointName, Judgement, NotMeasured, decide, deciding, estimated_changes,
 };
-use crate::rows::records::Row;
+use crate::rows::held::RowRef;
 use crate::rows::samples::{paired, runs, sample_in};
 use crate::subjects::accuracy::{AccuracyRow, RunRanges};
 use crate::subjects::drives::DriveRow;
@@ -339,11 +339,12 @@ impl AlgorithmChange {
         }
         let checkpoints = checkpoint_changes(join.runs, own);
         let has_both = (0..2).all(|side| join.runs[side].has_checkpoints(own.labels[side]));
-        let count = |is: fn(&[&Row; 2]) -> bool| own.pairs.iter().filter(|pair| is(pair)).count();
+        let count =
+            |is: fn(&[RowRef<'_>; 2]) -> bool| own.pairs.iter().filter(|pair| is(pair)).count();
         let mut change = Self {
             blocks: runs.blocks(),
-            other_inputs: count(|[a, b]| a.input_hash != b.input_hash),
-            equal_results: count(|[a, b]| a.result_hash == b.result_hash),
+            other_inputs: count(|[a, b]| a.input_hash() != b.input_hash()),
+            equal_results: count(|[a, b]| a.result_hash() == b.result_hash()),
             frames: Some(FrameCounts::new(&own.pairs)),
             by_distance,
             metrics,
@@ -435,13 +436,13 @@ fn checkpoint_changes(runs: [&ScoredRun; 2], own: &JoinedAlgorithm<'_>) -> Vec<C
 
 /// True for times of two reports, each of one machine, and within a report only where one session
 /// has both.
-fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[&Row; 2]]) -> bool {
+fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[RowRef<'_>; 2]]) -> bool {
     let [ours, theirs] = runs.map(|run| {
-        let sessions = run.rows.iter().map(|row| &row.session);
+        let sessions = run.rows.iter().map(|row| row.session());
         sessions.collect::<BTreeSet<_>>()
     });
     let is_one_report = !ours.is_disjoint(&theirs);
-    let are_of_one_session = pairs.iter().all(|[a, b]| a.session == b.session);
+    let are_of_one_session = pairs.iter().all(|[a, b]| a.session() == b.session());
     let are_of_one_machine = runs.iter().all(|run| run.manifest.machines().len() == 1);
     (are_of_one_session || !is_one_report) && are_of_one_machine
 }
@@ -450,6 +451,7 @@ fn are_times_comparable(runs: [&ScoredRun; 2], pairs: &[[&Row; 2]]) -> bool {
 mod tests {
     use super::*;
     use crate::results::change::{changes, verdict};
+    use crate::rows::held::{Row, Rows};
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
 
@@ -458,9 +460,9 @@ mod tests {
     /// A run of 280 pairs, in 20 blocks, scored by two programs that are exchangeable: each pair's
     /// two results go to one and to the other by a coin. The second has `loss` of its right cells
     /// wrong besides.
-    fn coin(seed: u64, loss: f64) -> [Vec<Row>; 2] {
+    fn coin(seed: u64, loss: f64) -> [Rows; 2] {
         let mut random = fastrand::Rng::with_seed(seed);
-        let mut sides = [Vec::new(), Vec::new()];
+        let mut sides = [Rows::default(), Rows::default()];
         let mut drift = 0.0;
         for sequence in 0..280 {
             // Neighbouring pairs are about as hard.
@@ -495,7 +497,7 @@ mod tests {
                 both.swap(0, 1);
             }
             for (side, own) in sides.iter_mut().zip(both) {
-                side.push(own);
+                side.push(&own);
             }
         }
         sides

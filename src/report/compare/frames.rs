@@ -4,8 +4,8 @@
 use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
 use crate::pages::html::figures::FrameShot;
-use crate::rows::records::{CellRow, Row};
-use crate::rows::samples::{is_scene, run_key};
+use crate::rows::held::{Row, RowRef};
+use crate::rows::records::CellRow;
 use crate::units::pictures::StoredImage;
 use crate::units::shots::StoredShots;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use svl_core::counted;
 use svl_core::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 use svl_files::overlay::{self, NEAR_M, Nearness};
-use svl_score::judge::{Metric, MetricValues};
+use svl_score::judge::{Metric, MetricSource};
 use svl_score::manifest::Manifest;
 
 /// Limit of the frames of a kind that are shown for their change alone.
@@ -57,7 +57,7 @@ pub struct FrameCounts {
 }
 
 impl FrameCounts {
-    pub(super) fn new(pairs: &[[&Row; 2]]) -> Self {
+    pub(super) fn new(pairs: &[[RowRef<'_>; 2]]) -> Self {
         let changes = pairs.iter().map(|pair| Some(order(&harm(pair)?, &NO_HARM)));
         let changes: Vec<_> = changes.collect();
         let count = |change| changes.iter().filter(|own| **own == change).count();
@@ -96,13 +96,13 @@ fn order(a: &FrameHarm, b: &FrameHarm) -> Ordering {
 }
 
 /// `None` without a truth of cells, unless the results are equal.
-fn harm([before, after]: &[&Row; 2]) -> Option<FrameHarm> {
-    let is_equal = before.result_hash == after.result_hash;
-    let harm = metric_harm(&before.metrics, &after.metrics);
+fn harm([before, after]: &[RowRef<'_>; 2]) -> Option<FrameHarm> {
+    let is_equal = before.result_hash() == after.result_hash();
+    let harm = metric_harm(before.metrics(), after.metrics());
     harm.or_else(|| is_equal.then_some(NO_HARM))
 }
 
-fn metric_harm(before: &MetricValues, after: &MetricValues) -> Option<FrameHarm> {
+fn metric_harm(before: impl MetricSource, after: impl MetricSource) -> Option<FrameHarm> {
     let change = |name| Some(after.get(name)? - before.get(name)?);
     // Without distances no obstacle is missed or false.
     let [missed, falsely] = ["missed", "false"].map(|name| change(name).unwrap_or_default());
@@ -130,22 +130,22 @@ impl<'a> BothImages<'a> {
     }
 
     /// Number of the reports that hold no picture of the pair.
-    fn missing(&self, pair: &[&Row; 2]) -> usize {
+    fn missing(&self, pair: &[RowRef<'_>; 2]) -> usize {
         let held = (0..2).filter(|side| self.stored[*side].hold(pair[*side]));
         2 - held.count()
     }
 
     /// The left image from where a report has it, or the reason why it is not there.
-    fn find(&self, pair: [&Row; 2]) -> Result<Vec<u8>, String> {
+    fn find(&self, pair: [RowRef<'_>; 2]) -> Result<Vec<u8>, String> {
         let [first, second] = [0, 1].map(|i| (&self.runs[i].manifest, pair[i]));
-        let found = (self.find)(first.0, first.1);
-        let found = found.or_else(|why| (self.find)(second.0, second.1).map_err(|_| why));
+        let found = (self.find)(first.0, &first.1.to_row());
+        let found = found.or_else(|why| (self.find)(second.0, &second.1.to_row()).map_err(|_| why));
         found.map(|(file, _)| file)
     }
 }
 
 /// The rows of a pair, and the harm.
-type ScoredPair<'a> = ([&'a Row; 2], FrameHarm);
+type ScoredPair<'a> = ([RowRef<'a>; 2], FrameHarm);
 
 /// The frames of an algorithm that changed most, those that became worse first, and some that both
 /// reports have pictures of.
@@ -182,13 +182,13 @@ pub(super) fn changed_frames(
         images.runs[side].each_pair_of_cells(own.labels[side], &rows, take)?;
     }
     let frame = |(i, (pair, harm)): (usize, ScoredPair<'_>)| {
-        let [a, b] = [0, 1].map(|side| images.stored[side].read(pair[side]));
+        let [a, b] = [0, 1].map(|side| images.stored[side].read(&pair[side].to_row()));
         let mut stored = [a?, b?];
         let left = stored.iter().flatten().next();
         let left = left.map(|shot| shot.left.clone());
         let left = left.map_or_else(|| images.find(pair), Ok);
         let mut shot = |side: usize| {
-            let row = pair[side];
+            let row = pair[side].to_row();
             let cells = std::mem::take(&mut cells[side][i]);
             let stored = stored[side].take();
             let stored = stored.filter(|shot| shot.row.algorithm == row.algorithm);
@@ -208,9 +208,11 @@ fn spread<'a>(pairs: &[ScoredPair<'a>], limit: usize, chosen: &mut Vec<ScoredPai
     for pair in pairs {
         let is_neighbour = |own: &ScoredPair<'_>| {
             let (row, own) = (pair.0[0], own.0[0]);
-            let gap_ns = row.stamp_ns.abs_diff(own.stamp_ns);
-            std::ptr::eq(row, own)
-                || run_key(row) == run_key(own) && !is_scene(row) && gap_ns < MIN_GAP_NS
+            let gap_ns = row.stamp_ns().abs_diff(own.stamp_ns());
+            row.is(own)
+                || row.origin().run_key() == own.origin().run_key()
+                    && !row.origin().is_scene()
+                    && gap_ns < MIN_GAP_NS
         };
         if chosen.len() < limit && !chosen.iter().any(is_neighbour) {
             chosen.push(*pair);
@@ -221,7 +223,7 @@ fn spread<'a>(pairs: &[ScoredPair<'a>], limit: usize, chosen: &mut Vec<ScoredPai
 /// A frame as the page of `svl score` shows it, as the report stored it, else from its tables.
 /// `left`: the file, or nothing for a blank image.
 fn shot(
-    row: &Row,
+    row: Row,
     cells: Vec<CellRow>,
     stored: Option<FrameShot>,
     left: Option<&Vec<u8>>,
@@ -229,12 +231,9 @@ fn shot(
     let size = (row.width as usize, row.height as usize);
     let blank = || svl_files::encode_png(size.0, size.1, &vec![BLANK; size.0 * size.1]);
     let shot = match stored {
-        Some(shot) => FrameShot {
-            row: row.clone(),
-            ..shot
-        },
+        Some(shot) => FrameShot { row, ..shot },
         None => FrameShot {
-            row: row.clone(),
+            row,
             left: left.map_or_else(blank, |file| Ok(file.clone()))?,
             size,
             ..FrameShot::default()
@@ -311,6 +310,7 @@ pub(super) fn changed_cells(shots: &[FrameShot; 2]) -> Vec<[&CellRow; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_score::judge::MetricValues;
 
     #[test]
     fn obstacles_count_before_cells_and_missed_ones_first() {
@@ -329,11 +329,8 @@ mod tests {
     #[test]
     fn without_distances_cells_decide() {
         let values = |right| MetricValues::from([("right", right), ("wrong", 1.0)]);
-        assert_eq!(
-            metric_harm(&values(9.0), &values(7.0)),
-            Some([0.0, 0.0, 2.0])
-        );
+        assert_eq!(metric_harm(values(9.0), values(7.0)), Some([0.0, 0.0, 2.0]));
         let none = MetricValues::default();
-        assert_eq!(metric_harm(&none, &values(7.0)), None);
+        assert_eq!(metric_harm(none, values(7.0)), None);
     }
 }

@@ -1,8 +1,7 @@
 //! Two reports, joined once: their algorithms, and of each the pairs or courses of both.
 
 use super::scored_run::ScoredRun;
-use crate::rows::records::Row;
-use crate::rows::samples::{RunKey, is_scene, run_key};
+use crate::rows::held::{RowRef, RunKey};
 use crate::subjects::drives::DriveRow;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use svl_core::{Error, Result, joined};
@@ -26,7 +25,7 @@ pub struct Join<'a> {
 pub(super) struct JoinedAlgorithm<'a> {
     pub labels: [&'a str; 2],
     /// Rows of the pairs with equal pixels, those of a run beside each other.
-    pub pairs: Vec<[&'a Row; 2]>,
+    pub pairs: Vec<[RowRef<'a>; 2]>,
     /// The drives through equal courses.
     pub courses: Vec<[&'a DriveRow; 2]>,
     /// Number of pairs or courses of the first report.
@@ -46,7 +45,7 @@ pub(super) struct JoinedAlgorithm<'a> {
 
 /// Run, number and name of a pair, by the names and numbers of the first report.
 type PairKey<'a> = (RunKey<'a>, u64, &'a str);
-type PairRows<'a> = BTreeMap<PairKey<'a>, &'a Row>;
+type PairRows<'a> = BTreeMap<PairKey<'a>, RowRef<'a>>;
 
 impl<'a> Join<'a> {
     /// Joins the algorithms that `map` names, as `BASE=OTHER`, and of the others those of equal
@@ -236,13 +235,15 @@ impl<'a> AlignedRuns<'a> {
 /// Each run is the one with the most pairs in common, of several that of its own name: a recording
 /// may have another name, or be of a seed of the arena.
 fn aligned_runs<'a>(base: &'a ScoredRun, other: &'a ScoredRun) -> BTreeMap<RunKey<'a>, RunKey<'a>> {
-    let in_run = |row: &&Row| !is_scene(row);
-    let pair = |row: &'a Row| (row.sequence, row.stamp_ns, row.pair_hash.as_str());
+    let in_run = |row: &RowRef<'_>| !row.origin().is_scene();
+    let pair = |row: RowRef<'a>| (row.sequence(), row.stamp_ns(), row.pair_hash());
     let by_pair = base.rows.iter().filter(in_run);
-    let by_pair: HashMap<_, _> = by_pair.map(|row| (pair(row), run_key(row))).collect();
+    let by_pair: HashMap<_, _> = by_pair
+        .map(|row| (pair(row), row.origin().run_key()))
+        .collect();
     let mut common: BTreeMap<RunKey<'_>, BTreeMap<RunKey<'_>, u64>> = BTreeMap::new();
     for row in other.rows.iter().filter(in_run) {
-        let runs = common.entry(run_key(row)).or_default();
+        let runs = common.entry(row.origin().run_key()).or_default();
         if let Some(run) = by_pair.get(&pair(row)) {
             *runs.entry(*run).or_default() += 1;
         }
@@ -260,13 +261,18 @@ fn aligned_runs<'a>(base: &'a ScoredRun, other: &'a ScoredRun) -> BTreeMap<RunKe
 
 /// A folder that got another scene numbers the later ones anew.
 fn aligned_scenes(base: &ScoredRun, other: &ScoredRun) -> HashMap<u64, u64> {
-    let scenes = base.rows.iter().filter(|row| is_scene(row));
-    let scenes = scenes.map(|row| ((&row.name, &row.pair_hash), row.sequence));
+    let scenes = base.rows.iter().filter(|row| row.origin().is_scene());
+    let scenes = scenes.map(|row| ((row.name(), row.pair_hash()), row.sequence()));
     let scenes: HashMap<_, _> = scenes.collect();
     let behind = scenes.values().max().map_or(0, |last| last + 1);
-    let number = |row: &Row| scenes.get(&(&row.name, &row.pair_hash)).copied();
-    let others = other.rows.iter().filter(|row| is_scene(row));
-    let others = others.map(|row| (row.sequence, number(row).unwrap_or(behind + row.sequence)));
+    let number = |row: RowRef<'_>| scenes.get(&(row.name(), row.pair_hash())).copied();
+    let others = other.rows.iter().filter(|row| row.origin().is_scene());
+    let others = others.map(|row| {
+        (
+            row.sequence(),
+            number(row).unwrap_or(behind + row.sequence()),
+        )
+    });
     others.collect()
 }
 
@@ -277,7 +283,7 @@ impl<'a> JoinedAlgorithm<'a> {
     }
 
     /// The rows of the pairs in one of the reports.
-    pub fn rows(&self, side: usize) -> Vec<&'a Row> {
+    pub fn rows(&self, side: usize) -> Vec<RowRef<'a>> {
         self.pairs.iter().map(|pair| pair[side]).collect()
     }
 
@@ -289,16 +295,16 @@ impl<'a> JoinedAlgorithm<'a> {
         alignment: &AlignedRuns<'a>,
     ) -> Self {
         let mut sides = [PairRows::new(), PairRows::new()];
-        for row in base.rows.iter().filter(|row| row.algorithm == labels[0]) {
-            sides[0].insert((run_key(row), row.sequence, row.name.as_str()), row);
+        for row in base.rows.iter().filter(|row| row.algorithm() == labels[0]) {
+            sides[0].insert((row.origin().run_key(), row.sequence(), row.name()), row);
         }
-        for row in other.rows.iter().filter(|row| row.algorithm == labels[1]) {
-            let (run, number) = alignment.place(run_key(row), row.sequence);
-            sides[1].insert((run, number, row.name.as_str()), row);
+        for row in other.rows.iter().filter(|row| row.algorithm() == labels[1]) {
+            let (run, number) = alignment.place(row.origin().run_key(), row.sequence());
+            sides[1].insert((run, number, row.name()), row);
         }
         let [ours, theirs] = sides;
         let both = ours.iter().filter_map(|(key, a)| {
-            let b = theirs.get(key).filter(|b| a.pair_hash == b.pair_hash);
+            let b = theirs.get(key).filter(|b| a.pair_hash() == b.pair_hash());
             b.map(|b| [*a, *b])
         });
         let pairs: Vec<_> = both.collect();
@@ -365,13 +371,13 @@ impl<'a> JoinedAlgorithm<'a> {
 }
 
 /// The runs, by the names of each report, of which both have no other pairs than these.
-fn whole_runs<'a>(pairs: &[[&'a Row; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKey<'a>>; 2] {
-    let names = |pair: &[&'a Row; 2]| pair.map(run_key);
+fn whole_runs<'a>(pairs: &[[RowRef<'a>; 2]], all: [&PairRows<'a>; 2]) -> [Vec<RunKey<'a>>; 2] {
+    let names = |pair: &[RowRef<'a>; 2]| pair.map(|row| row.origin().run_key());
     let runs = pairs.chunk_by(|a, b| names(a) == names(b));
-    let is_whole = |run: &&[[&'a Row; 2]]| {
+    let is_whole = |run: &&[[RowRef<'a>; 2]]| {
         let is_whole = |(side, all): (usize, &PairRows<'_>)| {
-            let name = run_key(run[0][side]);
-            let own = all.values().filter(|row| run_key(row) == name);
+            let name = run[0][side].origin().run_key();
+            let own = all.values().filter(|row| row.origin().run_key() == name);
             own.count() == run.len()
         };
         all.into_iter().enumerate().all(is_whole)
@@ -389,9 +395,10 @@ fn equal_pasts<'a>(ours: &PairRows<'a>, theirs: &PairRows<'a>) -> usize {
     let equal = |run: RunKey<'a>| {
         let both = in_run(ours, run).into_iter().zip(in_run(theirs, run));
         // Scenes of a data set are independent of each other.
-        let equal = both.take_while(|((_, a), (_, b))| is_scene(a) || a.pair_hash == b.pair_hash);
+        let equal = both
+            .take_while(|((_, a), (_, b))| a.origin().is_scene() || a.pair_hash() == b.pair_hash());
         equal
-            .filter(|((key, a), (other, b))| key == other && a.pair_hash == b.pair_hash)
+            .filter(|((key, a), (other, b))| key == other && a.pair_hash() == b.pair_hash())
             .count()
     };
     let runs: BTreeSet<_> = ours.keys().map(|key| key.0).collect();

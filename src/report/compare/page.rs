@@ -14,8 +14,8 @@ use crate::pages::html::frames::{
     truth_words,
 };
 use crate::pages::html::scenes::picture_colors;
-use crate::rows::records::{CellRow, Row};
-use crate::rows::samples::{run_key, time_ns};
+use crate::rows::held::Row;
+use crate::rows::records::CellRow;
 use crate::show::page::parts::{PageImages, fill};
 use minijinja::{Value, context};
 use std::collections::BTreeSet;
@@ -43,12 +43,12 @@ pub fn page(comparison: &Comparison, join: &Join<'_>, find: &FindLeft<'_>) -> Re
     let both = || comparison.algorithms.iter().zip(&frames);
     let shown = || both().flat_map(|(own, frames)| frames.iter().map(move |frame| (own, frame)));
     let runs: BTreeSet<_> = shown()
-        .map(|(_, frame)| run_key(&frame.shots[0].row))
+        .map(|(_, frame)| frame.shots[0].row.origin().run_key())
         .collect();
     let entries = shown().enumerate().map(|(i, (_, frame))| {
         let words = match runs.len() {
             1 => format!("frame {}", frame.shots[0].row.sequence),
-            _ => frame.shots[0].row.origin_words(),
+            _ => frame.shots[0].row.origin().words(),
         };
         (format!("f{i}"), words)
     });
@@ -120,12 +120,12 @@ fn note(own: &AlgorithmChange, frames: &[ChangedFrame]) -> Option<&'static str> 
 
 /// The origin of a frame, and its time in the recording.
 fn frame_title(join: &Join<'_>, row: &Row) -> String {
-    let origin = row.origin_words();
+    let origin = row.origin().words();
     let run = join.runs[0].rows.iter();
-    let run = run.filter(|own| run_key(own) == run_key(row));
-    let began = run.filter_map(time_ns).min();
+    let run = run.filter(|own| own.origin().run_key() == row.origin().run_key());
+    let began = run.filter_map(|row| row.origin().time_ns()).min();
     let is_timed = !join.runs[0].manifest.is_untimed(row.run.as_deref());
-    let ns = time_ns(row).zip(began).filter(|_| is_timed);
+    let ns = row.origin().time_ns().zip(began).filter(|_| is_timed);
     let ns = ns.map(|(ns, began)| ns - began);
     ns.map_or(origin.clone(), |ns| {
         format!("{origin}, at {:.1} s", ns as f64 / 1e9)

@@ -1,8 +1,8 @@
 //! A report that is compared, read from its folder.
 
 use crate::rows::csv_rows::{RowReader, read_rows};
-use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
-use crate::rows::samples::{RunKey, run_key, time_ns};
+use crate::rows::held::{Row, RowRef, Rows, RunKey};
+use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record};
 use crate::subjects::accuracy::{AccuracyRow, AccuracyTally, AskedRange, PairErrors, RunRanges};
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
 use crate::subjects::references::{EXACT, PRIOR};
@@ -24,9 +24,9 @@ pub struct ScoredRun {
     pub(super) area: AreaChoice,
     /// The end of the report; `None` if it was never finished.
     ending: Option<Ending>,
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Rows,
     /// The rows of the references.
-    references: Vec<Row>,
+    references: Rows,
     /// Errors by distance; those of pixels are of all pairs.
     accuracy: Vec<AccuracyRow>,
     estimates: Vec<EstimateRow>,
@@ -63,9 +63,8 @@ impl ScoredRun {
             run.name = name.into();
         }
         run.area = area;
-        for row in run.rows.iter_mut().chain(&mut run.references) {
-            row.metrics.select(area);
-        }
+        run.rows.select(area);
+        run.references.select(area);
         Ok(run)
     }
 
@@ -97,8 +96,11 @@ impl ScoredRun {
             manifest: Manifest::read(folder)?,
             area: AreaChoice::default(),
             ending: ending.transpose()?,
-            rows: read_rows(&folder.join("rows.csv"))?,
-            references: optional(folder, "references.csv")?,
+            rows: unperturbed(&folder.join("rows.csv"))?,
+            references: match folder.join("references.csv") {
+                path if path.is_file() => unperturbed(&path)?,
+                _ => Rows::default(),
+            },
             accuracy: optional(folder, "accuracy.csv")?,
             estimates: optional(folder, "estimates.csv")?,
             failures: optional(folder, "failures.csv")?,
@@ -107,7 +109,6 @@ impl ScoredRun {
             courses: courses.transpose()?.unwrap_or_default(),
             cells,
         };
-        run.rows.retain(|row| row.stress.is_none());
         run.failures.retain(|row| row.stress.is_none());
         run.checkpoints.retain(|row| row.stress.is_none());
         if !run.drives.is_empty() {
@@ -135,7 +136,7 @@ impl ScoredRun {
     fn become_reference(&mut self, name: &str) {
         let rows = self.reference(name);
         if !rows.is_empty() {
-            self.rows = rows.into_iter().cloned().collect();
+            self.rows = rows.into_iter().map(RowRef::to_row).collect();
             self.cells = None;
             self.checkpoints.clear();
             self.manifest.algorithms = vec![AlgorithmRecord {
@@ -147,9 +148,9 @@ impl ScoredRun {
     }
 
     /// The rows of a reference.
-    pub(super) fn reference(&self, name: &str) -> Vec<&Row> {
+    pub(super) fn reference(&self, name: &str) -> Vec<RowRef<'_>> {
         let rows = self.references.iter();
-        rows.filter(|row| row.algorithm == name).collect()
+        rows.filter(|row| row.algorithm() == name).collect()
     }
 
     /// The estimated errors of an algorithm in the area.
@@ -185,14 +186,14 @@ impl ScoredRun {
     pub(super) fn each_pair_of_cells(
         &self,
         label: &str,
-        pairs: &[&Row],
+        pairs: &[RowRef<'_>],
         mut take: impl FnMut(usize, &[CellRow]),
     ) -> Result<()> {
         let Some(path) = self.cells.as_ref().filter(|_| !pairs.is_empty()) else {
             return Ok(());
         };
         let places = pairs.iter().enumerate();
-        let places = places.map(|(i, row)| ((run_key(row), row.sequence), i));
+        let places = places.map(|(i, row)| ((row.origin().run_key(), row.sequence()), i));
         let places: HashMap<(RunKey<'_>, u64), usize> = places.collect();
         let mut cells: Vec<CellRow> = Vec::new();
         let mut hand_on = |cells: &[CellRow]| {
@@ -224,7 +225,7 @@ impl ScoredRun {
     pub(super) fn pair_errors(
         &self,
         label: &str,
-        pairs: &[&Row],
+        pairs: &[RowRef<'_>],
         ranges: &RunRanges,
     ) -> Result<(Vec<PairErrors>, AccuracyTally)> {
         let mut errors = Vec::new();
@@ -233,14 +234,14 @@ impl ScoredRun {
         let [mut tally, mut all] = [(); 2].map(|()| AccuracyTally::new(rule, ranges));
         let mut last_run = None;
         self.each_pair_of_cells(label, pairs, |i, cells| {
-            let run = run_key(pairs[i]);
+            let run = pairs[i].origin().run_key();
             if last_run.replace(run) != Some(run) {
                 for own in [&mut tally, &mut all] {
                     own.begin_pass(self.manifest.has_separate_pairs(run.1));
                 }
             }
-            all.add(time_ns(pairs[i]), cells);
-            errors[i] = tally.take_pair(time_ns(pairs[i]), cells);
+            all.add(pairs[i].origin().time_ns(), cells);
+            errors[i] = tally.take_pair(pairs[i].origin().time_ns(), cells);
         })?;
         Ok((errors, all))
     }
@@ -287,6 +288,18 @@ impl ScoredRun {
 
 fn cell_run(cell: &CellRow) -> RunKey<'_> {
     (cell.seed, cell.run.as_deref())
+}
+
+/// The unperturbed rows of a table.
+fn unperturbed(path: &Path) -> Result<Rows> {
+    let mut rows = Rows::default();
+    for row in RowReader::<Row>::open(path)? {
+        let row = row?;
+        if row.stress.is_none() {
+            rows.push(&row);
+        }
+    }
+    Ok(rows)
 }
 
 /// The rows of a table; none if the folder does not have it.

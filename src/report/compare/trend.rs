@@ -1,8 +1,9 @@
 //! The headline metrics over several reports, the newest last: `svl compare R1 R2 -o trend.json`.
 
 use super::scored_run::ScoredRun;
-use crate::rows::records::{MetricTotals, Row};
-use crate::rows::samples::{run_key, runs, sample_in};
+use crate::rows::held::RowRef;
+use crate::rows::records::MetricTotals;
+use crate::rows::samples::{runs, sample_in};
 use crate::show::page::parts::fill;
 use crate::show::page::plot_view::PlotView;
 use crate::show::plot::chart::{Axis, Chart};
@@ -15,7 +16,9 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::{Result, counted, joined};
 use svl_score::bootstrap::{Interval, RunLengths};
-use svl_score::judge::{Cases, ColumnChoice, Measured, Metric, MetricUnit, TruthLevel};
+use svl_score::judge::{
+    Cases, ColumnChoice, Measured, Metric, MetricSource as _, MetricUnit, TruthLevel,
+};
 use svl_score::manifest::{AlgorithmRecord, Purpose};
 
 /// The headline metrics of reports over the pairs of all of them.
@@ -65,8 +68,13 @@ pub struct TrendPoint {
 }
 
 /// A pair by its place and pixels.
-fn pair(row: &Row) -> String {
-    let key = (run_key(row), row.sequence, &row.name, &row.pair_hash);
+fn pair(row: RowRef<'_>) -> String {
+    let key = (
+        row.origin().run_key(),
+        row.sequence(),
+        &row.name(),
+        &row.pair_hash(),
+    );
     format!("{key:?}")
 }
 
@@ -119,8 +127,8 @@ impl Trend {
             cautions.push("the reports are not in the order of their dates".to_owned());
         }
         let labels: BTreeSet<_> = runs.iter().flat_map(|run| run.labels()).collect();
-        let rows = || runs.iter().flat_map(|run| &run.rows);
-        let has = |name: &str| rows().any(|row| row.metrics.get(name).is_some());
+        let rows = || runs.iter().flat_map(|run| run.rows.iter());
+        let has = |name: &str| rows().any(|row| row.metrics().get(name).is_some());
         let driven = Some(TruthLevel::Courses).filter(|_| is_driven);
         let kind = driven.unwrap_or_else(|| TruthLevel::from_measured(has));
         let metrics = ColumnChoice::Headline.metrics(kind);
@@ -277,8 +285,8 @@ fn point(
     metric: &'static Metric,
     common: &BTreeSet<String>,
 ) -> Option<TrendPoint> {
-    let rows = run.rows.iter().filter(|row| row.algorithm == label);
-    let rows: Vec<_> = rows.filter(|row| common.contains(&pair(row))).collect();
+    let rows = run.rows.iter().filter(|row| row.algorithm() == label);
+    let rows: Vec<_> = rows.filter(|row| common.contains(&pair(*row))).collect();
     let drives = run
         .drives
         .iter()

@@ -4,7 +4,7 @@ use super::summary::{AlgorithmSummary, Results};
 use crate::subjects::witness::EstimateRow;
 use std::borrow::Cow;
 use svl_core::counted;
-use svl_score::judge::{AreaChoice, Metric};
+use svl_score::judge::{AreaChoice, Metric, MetricSource as _};
 
 /// Group of the fractions of right, wrong and unknown cells.
 const CELLS: &str = "cells, %";

@@ -1,6 +1,6 @@
 //! The best algorithm by a metric and why others may not be; the best setting of a sweep.
 
-use crate::rows::records::Row;
+use crate::rows::held::{RowRef, Rows};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_score::judge::{AreaChoice, Metric};
@@ -99,12 +99,12 @@ impl Unfit {
 }
 
 /// The unperturbed rows of each algorithm, in their order.
-pub(crate) type RowsByAlgorithm<'a> = BTreeMap<&'a str, Vec<&'a Row>>;
+pub(crate) type RowsByAlgorithm<'a> = BTreeMap<&'a str, Vec<RowRef<'a>>>;
 
-pub(crate) fn by_algorithm(rows: &[Row]) -> RowsByAlgorithm<'_> {
+pub(crate) fn by_algorithm(rows: &Rows) -> RowsByAlgorithm<'_> {
     let mut algorithms = RowsByAlgorithm::new();
-    for row in rows.iter().filter(|row| row.stress.is_none()) {
-        algorithms.entry(&row.algorithm).or_default().push(row);
+    for row in rows.iter().filter(|row| row.stress().is_none()) {
+        algorithms.entry(row.algorithm()).or_default().push(row);
     }
     algorithms
 }

@@ -2,8 +2,8 @@
 
 use super::choice::{answer_metrics, better_first};
 use super::summary::Results;
-use crate::rows::records::Row;
-use crate::rows::samples::{grouped, is_scene, total};
+use crate::rows::held::{RowRef, Rows};
+use crate::rows::samples::{grouped, total};
 use crate::show::table::model::{Table, TableCell, TextColumn};
 use crate::show::words::{NONE, number};
 use crate::subjects::drives::DriveRow;
@@ -59,7 +59,7 @@ impl Results {
     /// The metric of the answer per scene, or the outcome of each drive; first the case in which
     /// the first candidate of the ranking is worst. `rows` and `drives`: those that the summary is
     /// of. None for other runs and for a single case.
-    pub fn case_table(&self, rows: &[Row], drives: &[DriveRow]) -> Option<Table> {
+    pub fn case_table(&self, rows: &Rows, drives: &[DriveRow]) -> Option<Table> {
         if self.kind() == TruthLevel::Courses {
             return self.drive_cases(drives);
         }
@@ -126,19 +126,19 @@ impl Results {
 }
 
 /// The scenes of a data set: its frames have names.
-fn scenes(metric: &Metric, rows: &[Row]) -> Vec<Case> {
+fn scenes(metric: &Metric, rows: &Rows) -> Vec<Case> {
     let rows = rows.iter();
-    let rows = rows.filter(|row| row.stress.is_none() && is_scene(row));
-    let outcome = |row: &&Row| {
-        let value = total(metric, &[row]);
+    let rows = rows.filter(|row| row.stress().is_none() && row.origin().is_scene());
+    let outcome = |row: &RowRef<'_>| {
+        let value = total(metric, &[*row]);
         let words = value.map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value));
-        (row.algorithm.clone(), (value, words))
+        (row.algorithm().to_owned(), (value, words))
     };
-    let case = |own: &[&Row]| Case {
-        name: own[0].name.clone(),
+    let case = |own: &[RowRef<'_>]| Case {
+        name: own[0].name().to_owned(),
         outcomes: own.iter().map(outcome).collect(),
     };
-    grouped(&rows.collect::<Vec<_>>(), |row| &row.name, case)
+    grouped(&rows.collect::<Vec<_>>(), |row| row.name(), case)
 }
 
 fn drive_words(drive: &DriveRow) -> String {
@@ -156,6 +156,7 @@ fn drive_words(drive: &DriveRow) -> String {
 mod tests {
     use super::*;
     use crate::results::summary::{ReportTables, ResultParts, Shown};
+    use crate::rows::held::{Row, Rows};
     use crate::subjects::drives::tests::drive;
     use crate::subjects::speed::tests::row;
 
@@ -182,7 +183,7 @@ mod tests {
             row.metrics.set("invalid", Some(0.1));
             row
         };
-        let rows = [
+        let scenes = [
             scene("a", "worse", Some(0.3)),
             scene("a", "best", Some(0.1)),
             scene("b", "worse", Some(0.2)),
@@ -190,6 +191,8 @@ mod tests {
             scene("c", "worse", Some(0.5)),
             scene("c", "best", None),
         ];
+        let first: Rows = scenes[..2].iter().cloned().collect();
+        let rows: Rows = scenes.into_iter().collect();
         let summary = Results::from_rows(&rows, &[], None);
         let table = summary.case_table(&rows, &[]).unwrap();
         let expected = [
@@ -198,7 +201,7 @@ mod tests {
             ["a", "10.0", "30.0"],
         ];
         assert_eq!(texts(&table), expected);
-        assert_eq!(summary.case_table(&rows[..2], &[]), None);
+        assert_eq!(summary.case_table(&first, &[]), None);
     }
 
     #[test]
@@ -218,7 +221,7 @@ mod tests {
         };
         let own = Results::new(&tables, ResultParts::default(), Shown::default()).unwrap();
         assert_eq!(own.cited(), Some("a"));
-        let table = own.case_table(&[], &drives).unwrap();
+        let table = own.case_table(&Rows::default(), &drives).unwrap();
         let names = table.rows.iter().map(|row| [row[0].text(), row[1].text()]);
         let names: Vec<_> = names.map(|own| own.join(" ")).collect();
         let expected = ["course 2 a", "course 2 b", "course 1 a", "course 1 b"];
@@ -226,7 +229,7 @@ mod tests {
         let hit = TableCell::Alert("2 hits".to_owned());
         let row = table.rows.iter().find(|row| row[2] == hit).unwrap();
         assert_eq!(row[4].text(), "1.2");
-        assert_eq!(own.case_table(&[], &drives[..2]), None);
+        assert_eq!(own.case_table(&Rows::default(), &drives[..2]), None);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The one test: the change of each metric from some rows to others of the same pairs, its
 //! interval, and which of those that decide are real.
 
-use crate::rows::records::{MetricTotals, Row};
+use crate::rows::held::RowRef;
+use crate::rows::records::MetricTotals;
 use crate::rows::samples::{runs, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
 use crate::subjects::witness::EstimateRow;
@@ -9,7 +10,8 @@ use serde::Serialize;
 use svl_score::bootstrap::{Interval, RunLengths, Sample};
 use svl_score::holm;
 use svl_score::judge::{
-    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricUnit, TruthLevel,
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricSource as _,
+    MetricUnit, TruthLevel,
 };
 
 /// A number in both reports.
@@ -72,11 +74,11 @@ pub enum Judgement {
 /// The changes of metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
 pub fn changes(
-    base: &[&Row],
-    other: &[&Row],
+    base: &[RowRef<'_>],
+    other: &[RowRef<'_>],
     metrics: impl IntoIterator<Item = &'static Metric>,
 ) -> Vec<Change> {
-    let area = base.first().map(|row| row.metrics.area());
+    let area = base.first().map(|row| row.metrics().area());
     let runs = runs(base);
     let area = area.unwrap_or_default();
     Changes::over([base, other], None, area, &runs, metrics).measured
@@ -104,14 +106,14 @@ pub fn estimated_changes(both: [Option<&EstimateRow>; 2]) -> Vec<Change> {
 
 /// The verdict between two algorithms over the same pairs: the [`changes`] of the metrics that
 /// decide, tested at once.
-pub(crate) fn verdict(base: &[&Row], other: &[&Row]) -> Vec<Change> {
+pub(crate) fn verdict(base: &[RowRef<'_>], other: &[RowRef<'_>]) -> Vec<Change> {
     let mut changes = changes(base, other, METRICS.iter().filter(|own| is_ranked(own)));
     let metrics = deciding(&changes);
     changes.retain(|change| metrics.contains(&change.metric));
     if base
         .iter()
         .zip(other)
-        .any(|(a, b)| a.result_hash != b.result_hash)
+        .any(|(a, b)| a.result_hash() != b.result_hash())
     {
         changes.iter_mut().for_each(Change::doubt_equality);
     }
@@ -153,7 +155,7 @@ pub(crate) struct Changes {
 impl Changes {
     /// `errors`: those of distances in the pairs of both, if both have cells.
     pub(crate) fn over(
-        rows: [&[&Row]; 2],
+        rows: [&[RowRef<'_>]; 2],
         errors: Option<&[Vec<PairErrors>; 2]>,
         area: AreaChoice,
         runs: &RunLengths,

@@ -4,13 +4,13 @@
 use super::best::{Best, Certainty, Other, RowsByAlgorithm, Unfit};
 use super::change::{Change, Judgement, changes, verdict};
 use super::summary::{AlgorithmSummary, Results};
-use crate::rows::records::Row;
+use crate::rows::held::RowRef;
 use crate::rows::samples::{paired, runs};
 use crate::subjects::drives::{self, DriveRow};
 use crate::subjects::references::PRIOR;
 use std::cmp::Ordering;
 use svl_score::bootstrap::{METHOD, RunLengths, Sample};
-use svl_score::judge::{AreaChoice, Better, Metric, TruthLevel};
+use svl_score::judge::{AreaChoice, Better, Metric, MetricSource as _, TruthLevel};
 
 /// The largest per cent of wrong cells of an algorithm that may be called best.
 pub(crate) const MAX_WRONG: u32 = 10;
@@ -46,9 +46,9 @@ pub(crate) fn answer_metrics(kind: TruthLevel) -> Vec<&'static Metric> {
 }
 
 /// Right minus wrong cells of an area, of the scored ones.
-pub(crate) fn merit_sample(rows: &[&Row], area: AreaChoice) -> Sample {
-    let parts = |row: &&Row| {
-        let value = |name| row.metrics.get_in(name, area);
+pub(crate) fn merit_sample(rows: &[RowRef<'_>], area: AreaChoice) -> Sample {
+    let parts = |row: &RowRef<'_>| {
+        let value = |name| row.metrics().get_in(name, area);
         let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(value);
         let counts = right.zip(wrong).zip(unknown);
         counts.map_or([0.0; 2], |((right, wrong), unknown)| {
@@ -59,7 +59,7 @@ pub(crate) fn merit_sample(rows: &[&Row], area: AreaChoice) -> Sample {
 }
 
 /// The change of right minus wrong cells of an area from rows to others of the same pairs.
-fn merit_change([base, other]: [&[&Row]; 2], area: AreaChoice) -> Option<Change> {
+fn merit_change([base, other]: [&[RowRef<'_>]; 2], area: AreaChoice) -> Option<Change> {
     let samples = [base, other].map(|rows| merit_sample(rows, area));
     let values = [samples[0].total()?, samples[1].total()?];
     let samples = [&samples[0], &samples[1]];
@@ -158,7 +158,7 @@ impl Results {
     }
 
     /// Tests right minus wrong cells against the prior's.
-    fn beside_prior(&self, own: &[&Row], rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
+    fn beside_prior(&self, own: &[RowRef<'_>], rows: &RowsByAlgorithm<'_>) -> Option<Unfit> {
         let prior = rows.get(PRIOR).filter(|_| !self.is_still())?;
         let [prior, own] = paired(prior, own);
         let change = merit_change([&prior, &own], self.deciding_area());
@@ -346,6 +346,7 @@ fn course_change(metric: &'static Metric, labels: [&str; 2], rows: &[DriveRow]) 
 mod tests {
     use super::super::summary::{ReportTables, ResultParts, Shown};
     use super::*;
+    use crate::rows::held::Row;
     use crate::rows::records::FailureRow;
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
@@ -373,7 +374,7 @@ mod tests {
     fn results(algorithms: impl IntoIterator<Item = Vec<Row>>, prior: Vec<Row>) -> Results {
         let tables = ReportTables {
             rows: algorithms.into_iter().flatten().collect(),
-            references: prior,
+            references: prior.into_iter().collect(),
             ..ReportTables::default()
         };
         Results::new(&tables, ResultParts::default(), Shown::default()).unwrap()
@@ -425,9 +426,11 @@ mod tests {
                 stress: None,
             };
             let tables = ReportTables {
-                rows: rows("own", pairs, |_| true),
+                rows: rows("own", pairs, |_| true).into_iter().collect(),
                 failures: (pairs..200).map(failed).collect(),
-                references: rows(PRIOR, 200, |i| i.is_multiple_of(2)),
+                references: rows(PRIOR, 200, |i| i.is_multiple_of(2))
+                    .into_iter()
+                    .collect(),
                 ..ReportTables::default()
             };
             let own = Results::new(&tables, ResultParts::default(), Shown::default()).unwrap();

@@ -1,9 +1,9 @@
 //! The pairs that all ranked algorithms answered: a table of them compares no losses.
 
-use crate::rows::records::{FailureRow, Row};
-use crate::rows::samples::{RunKey, run_key};
+use crate::rows::held::{RowRef, Rows, RunKey};
+use crate::rows::records::FailureRow;
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Fraction of the pairs from which on an algorithm is ranked.
 const MIN_ANSWERED: f64 = 0.5;
@@ -21,40 +21,55 @@ pub struct RankedPairs {
     pub partial: BTreeMap<String, u64>,
 }
 
-type PairPlace<'a> = (RunKey<'a>, u64);
+/// The pairs of rows, each once, in ascending order.
+pub(super) type Pairs<'a> = Vec<(RunKey<'a>, u64)>;
 
-fn id(row: &Row) -> PairPlace<'_> {
-    (run_key(row), row.sequence)
+fn id(row: RowRef<'_>) -> (RunKey<'_>, u64) {
+    (row.origin().run_key(), row.sequence())
 }
 
 impl RankedPairs {
     /// The numbers, and the common pairs where the results are of these and not of all.
-    pub(super) fn new<'a>(
-        rows: &'a [Row],
-        failures: &'a [FailureRow],
-    ) -> (Self, Option<BTreeSet<PairPlace<'a>>>) {
-        let rows = rows.iter().filter(|row| row.stress.is_none());
-        let mut answered: BTreeMap<&str, BTreeSet<PairPlace<'_>>> = BTreeMap::new();
-        for row in rows {
-            answered.entry(&row.algorithm).or_default().insert(id(row));
+    pub(super) fn new<'a>(rows: &'a Rows, failures: &'a [FailureRow]) -> (Self, Option<Pairs<'a>>) {
+        let rows = || rows.iter().filter(|row| row.stress().is_none());
+        let failures = || failures.iter().filter(|row| row.stress.is_none());
+        let failed = |row: &'a FailureRow| ((row.seed, row.run.as_deref()), row.sequence);
+        // The rows of a pair are neighbours.
+        let mut read: Pairs<'a> = Vec::new();
+        for pair in rows().map(id).chain(failures().map(failed)) {
+            if read.last() != Some(&pair) {
+                read.push(pair);
+            }
         }
-        let mut read: BTreeSet<_> = answered.values().flatten().copied().collect();
-        for row in failures.iter().filter(|row| row.stress.is_none()) {
-            read.insert(((row.seed, row.run.as_deref()), row.sequence));
-            answered.entry(&row.algorithm).or_default();
+        read.sort_unstable();
+        read.dedup();
+        // Per algorithm the places of its pairs.
+        let mut answered: BTreeMap<&str, Vec<bool>> = BTreeMap::new();
+        for row in failures() {
+            let none = || vec![false; read.len()];
+            answered.entry(&row.algorithm).or_insert_with(none);
         }
-        let is_ranked =
-            |pairs: &&BTreeSet<_>| pairs.len() as f64 >= MIN_ANSWERED * read.len() as f64;
-        let ranked = answered.values().filter(is_ranked).cloned();
-        let common = ranked.reduce(|a, b| &a & &b).unwrap_or_default();
-        let partial = answered
-            .iter()
-            .filter(|(_, pairs)| pairs.len() < read.len());
+        for row in rows() {
+            let own = answered.entry(row.algorithm());
+            let own = own.or_insert_with(|| vec![false; read.len()]);
+            if let Ok(place) = read.binary_search(&id(row)) {
+                own[place] = true;
+            }
+        }
+        let count = |own: &[bool]| own.iter().filter(|is_there| **is_there).count();
+        let ranked = answered.values();
+        let ranked = ranked.filter(|own| count(own) as f64 >= MIN_ANSWERED * read.len() as f64);
+        let ranked: Vec<_> = ranked.collect();
+        let is_common = |place: &usize| ranked.iter().all(|own| own[*place]);
+        let places = (0..read.len()).filter(|_| !ranked.is_empty());
+        let common: Pairs<'a> = places.filter(is_common).map(|place| read[place]).collect();
+        let counts = answered.iter().map(|(label, own)| (*label, count(own)));
+        let partial = counts.filter(|(_, pairs)| *pairs < read.len());
         let own = Self {
             read: read.len() as u64,
             common: common.len() as u64,
             partial: partial
-                .map(|(label, pairs)| ((*label).to_owned(), pairs.len() as u64))
+                .map(|(label, pairs)| (label.to_owned(), pairs as u64))
                 .collect(),
         };
         let is_shown = own.is_shown() && common.len() < read.len();
@@ -73,9 +88,9 @@ impl RankedPairs {
     }
 }
 
-/// The rows of these pairs.
-pub(super) fn only<'a>(rows: &'a [Row], pairs: Option<&BTreeSet<PairPlace<'_>>>) -> Vec<&'a Row> {
-    let rows = rows.iter().filter(|row| row.stress.is_none());
-    rows.filter(|row| pairs.is_none_or(|pairs| pairs.contains(&id(row))))
+/// The unperturbed rows of these pairs, or of all.
+pub(super) fn only<'a>(rows: &'a Rows, pairs: Option<&Pairs<'_>>) -> Vec<RowRef<'a>> {
+    let rows = rows.iter().filter(|row| row.stress().is_none());
+    rows.filter(|row| pairs.is_none_or(|pairs| pairs.binary_search(&id(*row)).is_ok()))
         .collect()
 }

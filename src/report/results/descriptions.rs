@@ -2,7 +2,8 @@
 
 use super::summary::{AlgorithmSummary, CheckpointSummary};
 use crate::rows::columns::ColumnDescription;
-use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record, Row};
+use crate::rows::held::Row;
+use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record};
 use crate::show::table::model::Table;
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{DriveRow, TrackRow};

@@ -252,7 +252,8 @@ impl std::fmt::Display for GateResult {
 mod tests {
     use super::super::summary::{ReportTables, ResultParts, Shown};
     use super::*;
-    use crate::rows::records::{CellRow, Row};
+    use crate::rows::held::Row;
+    use crate::rows::records::CellRow;
     use crate::subjects::accuracy::{AccuracyTally, RunRanges};
     use crate::subjects::speed::tests::row;
     use serde_json::json;
@@ -309,7 +310,7 @@ mod tests {
             accuracy.add(Some(100_000_000 * sequence), &cells(sequence, far));
         }
         let tables = ReportTables {
-            rows: pairs(near),
+            rows: pairs(near).into_iter().collect(),
             accuracy: {
                 let ranges = ranges.in_order(&accuracy);
                 accuracy.into_rows(&["v3"], &ranges)

@@ -3,7 +3,8 @@
 
 use super::change::{Change, Judgement, changes};
 use super::summary::{CheckpointSummary, ReportTables, Results};
-use crate::rows::records::{MetricTotals, Row};
+use crate::rows::held::Rows;
+use crate::rows::records::MetricTotals;
 use crate::rows::samples::{paired, runs, sample};
 use crate::show::table::model::Table;
 use crate::subjects::drives::DriveRow;
@@ -30,15 +31,15 @@ impl Results {
     /// The error of a perturbation that svl does not know.
     pub(crate) fn stressed(&self, tables: &ReportTables) -> Result<Vec<StressSummary>> {
         let mut levels: Vec<(&str, Stress)> = Vec::new();
-        for text in tables.rows.iter().filter_map(|row| row.stress.as_deref()) {
+        for text in tables.rows.iter().filter_map(|row| row.stress()) {
             if levels.iter().all(|(known, _)| *known != text) {
                 levels.push((text, text.parse()?));
             }
         }
         // A map that others computed has no perturbed pairs.
         let is_perturbed = |label: &str| {
-            let mut perturbed = tables.rows.iter().filter(|row| row.stress.is_some());
-            perturbed.any(|row| row.algorithm == label)
+            let mut perturbed = tables.rows.iter().filter(|row| row.stress().is_some());
+            perturbed.any(|row| row.algorithm() == label)
         };
         let labels = self.algorithms.iter().map(|a| a.algorithm.as_str());
         let labels: Vec<_> = labels.filter(|label| is_perturbed(label)).collect();
@@ -101,8 +102,8 @@ impl Results {
         let is_few = |own: Judgement| own == Judgement::TooFew;
         let own = tables.drives.iter().filter(|row| row.algorithm == label);
         let courses = own.filter(|row| row.stress.as_deref() == text).count();
-        let own = tables.rows.iter().filter(|row| row.algorithm == label);
-        let own: Vec<_> = own.filter(|row| row.stress.as_deref() == text).collect();
+        let own = tables.rows.iter().filter(|row| row.algorithm() == label);
+        let own: Vec<_> = own.filter(|row| row.stress() == text).collect();
         let cases = if is_driven {
             courses
         } else {
@@ -166,11 +167,10 @@ impl Results {
 }
 
 /// The changes of metrics from the unperturbed pairs of an algorithm to the perturbed ones.
-fn pair_changes(rows: &[Row], label: &str, text: &str, metrics: &[&'static Metric]) -> Vec<Change> {
+fn pair_changes(rows: &Rows, label: &str, text: &str, metrics: &[&'static Metric]) -> Vec<Change> {
     let own = |stress| {
-        let own = rows.iter().filter(|row| row.algorithm == label);
-        own.filter(|row| row.stress.as_deref() == stress)
-            .collect::<Vec<_>>()
+        let own = rows.iter().filter(|row| row.algorithm() == label);
+        own.filter(|row| row.stress() == stress).collect::<Vec<_>>()
     };
     let [before, now] = paired(&own(None), &own(Some(text)));
     let mut all = changes(&before, &now, metrics.iter().copied());
@@ -259,6 +259,7 @@ fn loss_words(number: &StressNumber, change: &Change) -> Option<String> {
 mod tests {
     use super::super::summary::{ResultParts, Shown};
     use super::*;
+    use crate::rows::held::Row;
     use crate::rows::records::CheckpointRow;
     use crate::show::table::model::TableCell;
     use crate::show::words::NONE;
@@ -270,7 +271,7 @@ mod tests {
     type Counts<'a> = &'a [(&'a str, f64)];
 
     /// 80 pairs, unperturbed and at `jpeg=10`. Every other one has one right cell less.
-    fn pairs(pairs: u64, [plain, perturbed]: [Counts<'_>; 2]) -> Vec<Row> {
+    fn pairs(pairs: u64, [plain, perturbed]: [Counts<'_>; 2]) -> Rows {
         let row = |(sequence, counts, stress): (u64, Counts<'_>, Option<&str>)| {
             let mut metrics = MetricValues::default();
             for (name, value) in counts {
@@ -304,7 +305,7 @@ mod tests {
         (results.stress[1].clone(), breaks)
     }
 
-    fn breaks(rows: Vec<Row>) -> String {
+    fn breaks(rows: Rows) -> String {
         let tables = ReportTables {
             rows,
             ..ReportTables::default()

@@ -2,8 +2,9 @@
 
 use super::best::{Best, SweepChoice, Unfit, by_algorithm};
 use super::common::{RankedPairs, only};
-use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, Row, record};
-use crate::rows::samples::{grouped, run_key};
+use crate::rows::held::{RowRef, Rows};
+use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, record};
+use crate::rows::samples::grouped;
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{self, DriveRow, DriveSummary, TrackRow};
 use crate::subjects::recordings::{RecordingSummary, recordings};
@@ -20,7 +21,8 @@ use svl_core::matcher::{self, MatcherSpec, ProgramRecord};
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_files::slow_profile;
 use svl_score::judge::{
-    AreaChoice, Cases, ColumnChoice, METRICS, Measured, Metric, MetricOrigin, TruthLevel,
+    AreaChoice, Cases, ColumnChoice, METRICS, Measured, Metric, MetricOrigin, MetricSource as _,
+    TruthLevel,
 };
 use svl_score::losses::Ending;
 use svl_score::manifest::{Manifest, SCHEMA, hash};
@@ -107,14 +109,14 @@ pub struct Shown {
 /// The rows of a report's tables, without those of the cells.
 #[derive(Default)]
 pub struct ReportTables {
-    pub rows: Vec<Row>,
+    pub rows: Rows,
     pub failures: Vec<FailureRow>,
     pub checkpoints: Vec<CheckpointRow>,
     /// Accuracy of cells, where they are asked for.
     pub accuracy: Vec<AccuracyRow>,
     pub reliability: Vec<ReliabilityRow>,
     /// The rows of the references, where cells are scored by distances.
-    pub references: Vec<Row>,
+    pub references: Rows,
     pub estimates: Vec<EstimateRow>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
@@ -281,12 +283,15 @@ record! {
 }
 
 impl ResultScope {
-    fn new(rows: &[&Row], algorithms: &[AlgorithmSummary]) -> Self {
-        let pairs = rows.iter().map(|r| (run_key(r), r.sequence, &r.name));
+    fn new(rows: &[RowRef<'_>], algorithms: &[AlgorithmSummary]) -> Self {
+        let pairs = rows
+            .iter()
+            .map(|r| (r.origin().run_key(), r.sequence(), r.name()));
         let pairs: BTreeSet<_> = pairs.collect();
-        let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
-        let sizes: BTreeSet<_> = rows.iter().map(|row| (row.width, row.height)).collect();
-        let values = |name: &'static str| rows.iter().filter_map(move |row| row.metrics.get(name));
+        let runs: BTreeSet<_> = rows.iter().map(|row| row.origin().run_key()).collect();
+        let sizes: BTreeSet<_> = rows.iter().map(|row| (row.width(), row.height())).collect();
+        let values =
+            |name: &'static str| rows.iter().filter_map(move |row| row.metrics().get(name));
         Self {
             pairs: pairs.len() as u64,
             sizes: sizes.into_iter().collect(),
@@ -301,16 +306,16 @@ impl ResultScope {
 
 impl AlgorithmSummary {
     /// The results of the rows of an algorithm, at least one.
-    fn new(rows: &[&Row]) -> Self {
+    fn new(rows: &[RowRef<'_>]) -> Self {
         let summary = Self {
-            algorithm: rows[0].algorithm.clone(),
+            algorithm: rows[0].algorithm().to_owned(),
             pairs: rows.len() as u64,
             totals: MetricTotals::new(rows),
-            results_hash: Some(digest(rows.iter().map(|row| &*row.result_hash))),
+            results_hash: Some(digest(rows.iter().map(|row| &*row.result_hash()))),
             ..Self::default()
         };
         // A map that others computed has no times.
-        if rows.iter().all(|row| row.total_us.is_none()) {
+        if rows.iter().all(|row| row.total_us().is_none()) {
             return summary;
         }
         let speed = Speed::from_rows(rows);
@@ -405,14 +410,17 @@ impl Results {
     /// # Errors
     /// The error of a perturbation that svl does not know.
     pub fn new(tables: &ReportTables, parts: ResultParts<'_>, shown: Shown) -> Result<Self> {
-        let own = Self::from_tables(tables, &only(&tables.rows, None), &tables.references);
+        let own = Self::from_tables(
+            tables,
+            &only(&tables.rows, None),
+            &only(&tables.references, None),
+        );
         let (common, pairs) = RankedPairs::new(&tables.rows, &tables.failures);
         // Each algorithm drives its own way and sees pairs of its own.
         let mut results = match pairs.as_ref().filter(|_| tables.drives.is_empty()) {
             None => own,
             Some(pairs) => {
                 let references = only(&tables.references, Some(pairs));
-                let references: Vec<_> = references.into_iter().cloned().collect();
                 let rows = only(&tables.rows, Some(pairs));
                 own.over_common(Self::from_tables(tables, &rows, &references))
             }
@@ -452,10 +460,9 @@ impl Results {
     }
 
     /// The sums of these rows and of what has none.
-    fn from_tables(tables: &ReportTables, rows: &[&Row], references: &[Row]) -> Self {
+    fn from_tables(tables: &ReportTables, rows: &[RowRef<'_>], references: &[RowRef<'_>]) -> Self {
         let mut results = Self::over(rows, &tables.checkpoints, None);
-        let references: Vec<_> = references.iter().collect();
-        results.references = grouped(&references, |row| &row.algorithm, AlgorithmSummary::new);
+        results.references = grouped(references, |row| row.algorithm(), AlgorithmSummary::new);
         for own in &mut results.references {
             own.results_hash = None;
             results.basis.scope.scored = results.basis.scope.scored.max(own.scored());
@@ -489,23 +496,23 @@ impl Results {
     }
 
     /// The sums of the rows with that perturbation.
-    pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
-        let rows = rows.iter().filter(|row| row.stress.as_deref() == stress);
+    pub fn from_rows(rows: &Rows, checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
+        let rows = rows.iter().filter(|row| row.stress() == stress);
         Self::over(&rows.collect::<Vec<_>>(), checkpoints, stress)
     }
 
     /// The sums of these rows, and of the checkpoints with that perturbation.
-    fn over(rows: &[&Row], checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
+    fn over(rows: &[RowRef<'_>], checkpoints: &[CheckpointRow], stress: Option<&str>) -> Self {
         let checkpoints = checkpoints.iter();
         let checkpoints = checkpoints.filter(|row| row.stress.as_deref() == stress);
-        let algorithms = grouped(rows, |row| &row.algorithm, AlgorithmSummary::new);
+        let algorithms = grouped(rows, |row| row.algorithm(), AlgorithmSummary::new);
         let key = |row: &'_ CheckpointRow| (row.checkpoint, row.algorithm.clone());
         let checkpoints: Vec<_> = checkpoints.collect();
         let mut checkpoints = grouped(&checkpoints, key, CheckpointSummary::new);
         let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
         // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
-        let area = rows.first().map(|row| row.metrics.area());
+        let area = rows.first().map(|row| row.metrics().area());
         let mut results = Self {
             schema: SCHEMA,
             pairs_hash: pairs_hash(rows),
@@ -758,19 +765,19 @@ pub(crate) fn caution(truths: &[String]) -> Option<String> {
     (!words.is_empty()).then(|| words.join("; "))
 }
 
-fn truths(rows: &[&Row]) -> Vec<String> {
+fn truths(rows: &[RowRef<'_>]) -> Vec<String> {
     let mut seen = BTreeSet::new();
-    let truths = rows.iter().filter_map(|row| row.truth.clone());
-    truths.filter(|truth| seen.insert(truth.clone())).collect()
+    let truths = rows.iter().filter_map(|row| row.truth());
+    let truths = truths.filter(|truth| seen.insert(*truth));
+    truths.map(str::to_owned).collect()
 }
 
 /// Digest of the pairs, each once, in their order. A pair's rows are consecutive.
-pub(crate) fn pairs_hash<'a>(rows: &[&'a Row]) -> Option<String> {
-    let pair = |row: &&'a Row| (run_key(row), row.sequence, &*row.pair_hash);
-    let mut pairs: Vec<_> = rows.iter().map(pair).collect();
-    // Each algorithm has a row per pair; dedup leaves one per pair, as they are neighbours.
-    pairs.dedup();
-    (!pairs.is_empty()).then(|| digest(pairs.into_iter().map(|(.., hash)| hash)))
+pub(crate) fn pairs_hash<'a>(rows: &[RowRef<'a>]) -> Option<String> {
+    let pair = |row: &RowRef<'a>| (row.origin().run_key(), row.sequence(), row.pair_hash());
+    // Each algorithm has a row per pair: neighbours.
+    let pairs = rows.chunk_by(|a, b| pair(a) == pair(b));
+    (!rows.is_empty()).then(|| digest(pairs.map(|own| own[0].pair_hash())))
 }
 
 fn digest<'a>(hashes: impl Iterator<Item = &'a str>) -> String {

@@ -8,7 +8,7 @@ use super::best::{BestSetting, RowsByAlgorithm, SweepChoice, Unfit};
 use super::change::{Change, Judgement};
 use super::choice::{MIN_AHEAD, better_first, merit_sample};
 use super::summary::{AlgorithmSummary, Results};
-use crate::rows::records::Row;
+use crate::rows::held::RowRef;
 use crate::rows::samples::{paired, runs, sample};
 use svl_core::counted;
 use svl_core::matcher;
@@ -20,7 +20,7 @@ use svl_score::manifest::AlgorithmRecord;
 const FEW_PAIRS: &str = "too few pairs to tell";
 
 /// The settings that are compared, with their rows of the pairs that all of them have.
-type SettingRows<'a> = Vec<(&'a str, Vec<&'a Row>)>;
+type SettingRows<'a> = Vec<(&'a str, Vec<RowRef<'a>>)>;
 
 /// True if one algorithm differs from the other in its settings alone: both are of one program,
 /// file or topic.
@@ -140,11 +140,11 @@ impl Results {
         if runs.blocks() < METHOD.fewest_blocks {
             return Err(FEW_PAIRS.to_owned());
         }
-        let measure = |rows: &[&Row]| {
+        let measure = |rows: &[RowRef<'_>]| {
             let merit = is_merit.then(|| merit_sample(rows, self.basis.area));
             merit.or_else(|| sample(metric, rows))
         };
-        let score = |rows: &[&Row]| measure(rows).as_ref().and_then(Sample::total);
+        let score = |rows: &[RowRef<'_>]| measure(rows).as_ref().and_then(Sample::total);
         let best = |settings: &SettingRows<'_>| {
             let scored = settings.iter().enumerate();
             let scored = scored.filter_map(|(i, (_, rows))| Some((i, score(rows)?)));
@@ -163,7 +163,7 @@ impl Results {
         let [even, odd] = [best(&halves[0])?.0, best(&halves[1])?.0];
         let unseen = [&*halves[1][even].1, &*halves[0][odd].1].concat();
         let (place, own_score) = best(&settings)?;
-        let is_alike = |rows: &[&Row]| {
+        let is_alike = |rows: &[RowRef<'_>]| {
             let (a, b) = measure(&settings[place].1).zip(measure(rows))?;
             let values = [a.total()?, b.total()?];
             let change = Change::from_samples(metric, values, [&a, &b], &runs);
@@ -215,6 +215,7 @@ impl SweepChoice {
 mod tests {
     use super::super::summary::{ReportTables, ResultParts, Shown};
     use super::*;
+    use crate::rows::held::Row;
     use crate::subjects::speed::tests::row;
     use svl_score::judge::MetricValues;
     use svl_score::manifest::Manifest;

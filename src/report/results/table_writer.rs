@@ -227,15 +227,19 @@ impl Results {
     /// # Errors
     /// The errors of [`TableWriter::push`].
     pub fn write_tables(&self, folder: &Path) -> Result<()> {
-        write_table(folder, "summary", &self.algorithms)?;
-        write_table(folder, "verdicts", &self.checkpoints)
+        write_table(folder, "summary", self.algorithms.iter().cloned())?;
+        write_table(folder, "verdicts", self.checkpoints.iter().cloned())
     }
 }
 
 /// Writes rows as `.csv` and `.parquet`.
-pub(crate) fn write_table<R: Record + Clone>(folder: &Path, name: &str, rows: &[R]) -> Result<()> {
+pub(crate) fn write_table<R: Record>(
+    folder: &Path,
+    name: &str,
+    rows: impl IntoIterator<Item = R>,
+) -> Result<()> {
     let mut table = TableWriter::create_both(folder, name)?;
-    table.push(rows.iter().cloned())?;
+    table.push(rows)?;
     table.finish()
 }
 

@@ -2,5 +2,6 @@
 
 pub(crate) mod columns;
 pub(crate) mod csv_rows;
+pub(crate) mod held;
 pub(crate) mod records;
 pub(crate) mod samples;

@@ -4,6 +4,7 @@
 //! metric that needs ground truth is absent without it.
 
 use super::columns::ColumnDescription;
+use crate::rows::held::RowRef;
 use polars::prelude::{Column, DataFrame, PolarsResult};
 use serde::Serializer;
 use serde::ser::SerializeMap as _;
@@ -14,8 +15,8 @@ use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellDepth, CellRule, CellState};
 use svl_files::ColumnPlaces;
 use svl_score::judge::{
-    AreaChoice, Cases, CellArea, METRICS, Measured, Metric, MetricOrigin, MetricTotal, MetricUnit,
-    MetricValues, Verdict,
+    AreaChoice, Cases, CellArea, METRICS, Measured, Metric, MetricOrigin, MetricSource,
+    MetricTotal, MetricUnit, MetricValues, Verdict,
 };
 
 /// A row of a table: named columns, each of one type.
@@ -213,74 +214,6 @@ record! {
         reason: String,
         /// The perturbation of the pair.
         stress: Option<String>,
-    }
-}
-
-record! {
-    #[derive(Default)]
-    /// One pair through one algorithm.
-    Row {
-        /// Name of the scenario.
-        scenario: String,
-        /// Number of the pair in its run.
-        sequence: u64,
-        /// Exposure stamp of the pair.
-        stamp_ns: u64,
-        /// Name of the scene, empty if frames have none.
-        name: String,
-        /// Seed of the arena.
-        seed: Option<u64>,
-        /// Hash of the pair's pixels, hexadecimal.
-        pair_hash: String,
-        /// Label of the algorithm, as `v3:max_disparity=64`.
-        algorithm: String,
-        /// Hash of the algorithm and its parameters, hexadecimal.
-        parameters_hash: String,
-        /// Width of the images, pixels.
-        width: u32,
-        /// Height of the images, pixels.
-        height: u32,
-        /// Number of disparities that the algorithm tries per pixel, if its parameters determine
-        /// it.
-        disparities: Option<u32>,
-        /// Time of smoothing.
-        smoothing_us: Option<u64>,
-        /// Time of the texture filter.
-        texture_us: Option<u64>,
-        /// Time of matching.
-        matching_us: Option<u64>,
-        /// Time of the consistency checks.
-        checks_us: Option<u64>,
-        /// Time of the whole pair, filters included; the times are absent for a map that others
-        /// computed.
-        total_us: Option<u64>,
-        /// A column per metric of frames.
-        metrics: MetricValues,
-        /// Hash of the disparity map, hexadecimal.
-        result_hash: String,
-        /// Origin of the truth: exact, sensor TOPIC or board SIZE; absent without truth.
-        truth: Option<String>,
-        /// Name of the recording, if the scenario has recordings.
-        run: Option<String>,
-        /// Time of the filters, if the algorithm runs behind some.
-        filters_us: Option<u64>,
-        /// Perturbation of the pair, as `row_offset=0.5`; absent for an unperturbed pair.
-        stress: Option<String>,
-        /// Hash of everything that the result was scored on: pixels, geometry and truth,
-        /// hexadecimal.
-        input_hash: String,
-        /// The session that matched it, as in the manifest.
-        session: String,
-    }
-}
-
-impl Row {
-    /// The pair of the row in words.
-    pub(crate) fn origin_words(&self) -> String {
-        let seed = self.seed.map(|seed| format!("seed {seed}, "));
-        let run = self.run.as_ref().map(|run| format!("{run}, "));
-        let run = seed.or(run).unwrap_or_default();
-        format!("{run}frame {}", self.sequence)
     }
 }
 
@@ -539,7 +472,7 @@ fn metric_columns(metrics: &[&'static Metric], areas: &[AreaChoice]) -> Vec<Metr
 }
 
 impl MetricColumn {
-    fn value(&self, metrics: &MetricValues) -> Option<f64> {
+    fn value(&self, metrics: &impl MetricSource) -> Option<f64> {
         metrics.get_in(self.metric.name, self.area)
     }
 
@@ -579,13 +512,13 @@ impl std::ops::Deref for MetricTotals {
 
 impl MetricTotals {
     /// The totals of the columns of rows, added in their order, with the area that these select.
-    pub(crate) fn new(rows: &[&Row]) -> Self {
+    pub(crate) fn new(rows: &[RowRef<'_>]) -> Self {
         let mut values = MetricValues::default();
         for column in &*METRICS_IN_ROWS {
             let MetricOrigin::Frame { total, .. } = column.metric.origin else {
                 continue;
             };
-            let own = rows.iter().filter_map(|row| column.value(&row.metrics));
+            let own = rows.iter().filter_map(|row| column.value(&row.metrics()));
             let (sum, count) = own.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
             let value = match total {
                 MetricTotal::Mean => sum / f64::from(count),
@@ -595,7 +528,7 @@ impl MetricTotals {
             values.set_in(column.metric.name, column.area, value);
         }
         values.add_up();
-        let area = rows.first().map(|row| row.metrics.area());
+        let area = rows.first().map(|row| row.metrics().area());
         values.select(area.unwrap_or_default());
         let mut totals = Self {
             values: values.clone(),
@@ -607,7 +540,8 @@ impl MetricTotals {
                     totals.values.set_in(metric.name, area, None);
                     continue;
                 };
-                let has_value = |row: &&&Row| row.metrics.get_in(metric.name, area).is_some();
+                let has_value =
+                    |row: &&RowRef<'_>| row.metrics().get_in(metric.name, area).is_some();
                 let cases = Cases {
                     items: rows.iter().filter(has_value).count() as u64,
                     cells: values.whole_in(metric, area).map(|cells| cells as u64),
@@ -616,7 +550,7 @@ impl MetricTotals {
                 totals.set(metric, area, Measured { value, cases });
             }
         }
-        let mut times: Vec<_> = rows.iter().filter_map(|row| row.total_us).collect();
+        let mut times: Vec<_> = rows.iter().filter_map(|row| row.total_us()).collect();
         times.sort_unstable();
         if let Some((time, us)) = Metric::find("time").zip(nearest_rank(&times, 0.5)) {
             let (value, cases) = (us as f64 / 1000.0, Cases::items(times.len() as u64));
@@ -732,7 +666,7 @@ fn parse_metrics(columns: &[MetricColumn], cells: CsvCells<'_>) -> Result<Metric
 
 fn stored_metrics(columns: &'static [MetricColumn], fields: &[&MetricValues]) -> Vec<Column> {
     let column = |column: &'static MetricColumn| {
-        let values = fields.iter().map(|field| column.value(field));
+        let values = fields.iter().map(|field| column.value(*field));
         let name = column.name.as_str().into();
         if column.metric.counts() {
             let counts = values.map(|v| v.map(|n| n as i64));

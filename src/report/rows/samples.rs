@@ -1,43 +1,28 @@
 //! The values of a metric in rows, from which totals and intervals are drawn.
 
-use super::records::Row;
+use super::held::RowRef;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::{RunLengths, Sample};
-use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricTotal};
-
-/// Seed and recording of a row's run.
-pub(crate) type RunKey<'a> = (Option<u64>, Option<&'a str>);
-
-/// The run of a row.
-pub(crate) fn run_key(row: &Row) -> RunKey<'_> {
-    (row.seed, row.run.as_deref())
-}
-
-/// True for a frame of a data set.
-pub(crate) fn is_scene(row: &Row) -> bool {
-    !row.name.is_empty() && row.run.is_none()
-}
-
-/// The stamp of a row; a photograph has none, and follows no other.
-pub(crate) fn time_ns(row: &Row) -> Option<u64> {
-    (!is_scene(row)).then_some(row.stamp_ns)
-}
+use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricSource as _, MetricTotal};
 
 /// The values of a metric in the area that is selected; absent if no pair has it.
-pub(crate) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
-    let area = rows.first().map(|row| row.metrics.area());
+pub(crate) fn sample(metric: &Metric, rows: &[RowRef<'_>]) -> Option<Sample> {
+    let area = rows.first().map(|row| row.metrics().area());
     sample_in(metric, rows, area.unwrap_or_default())
 }
 
 /// The values of a metric in an area; absent if no pair has it.
-pub(crate) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Option<Sample> {
-    let values = || rows.iter().map(|row| row.metrics.get_in(metric.name, area));
+pub(crate) fn sample_in(metric: &Metric, rows: &[RowRef<'_>], area: AreaChoice) -> Option<Sample> {
+    let values = || {
+        rows.iter()
+            .map(|row| row.metrics().get_in(metric.name, area))
+    };
     match metric.origin {
         MetricOrigin::Frame { total, .. } => match total {
             MetricTotal::Mean => {
-                let part = |row: &&Row| {
-                    let mean = || Some([row.metrics.get_in(metric.name, area)?, 1.0]);
-                    let parts = row.metrics.parts_in(metric, area).or_else(mean);
+                let part = |row: &RowRef<'_>| {
+                    let mean = || Some([row.metrics().get_in(metric.name, area)?, 1.0]);
+                    let parts = row.metrics().parts_in(metric, area).or_else(mean);
                     parts.unwrap_or_default()
                 };
                 Some(Sample::Ratio(rows.iter().map(part).collect()))
@@ -46,13 +31,14 @@ pub(crate) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
                 .any(|v| v.is_some())
                 .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
             MetricTotal::Share => {
-                let part = |row: &&Row| row.metrics.parts_in(metric, area).unwrap_or_default();
+                let part =
+                    |row: &RowRef<'_>| row.metrics().parts_in(metric, area).unwrap_or_default();
                 Some(Sample::Ratio(rows.iter().map(part).collect()))
             }
         },
         MetricOrigin::Time => {
             let ms = rows.iter();
-            let ms = ms.map(|row| row.total_us.map(|us| us as f64 / 1000.0));
+            let ms = ms.map(|row| row.total_us().map(|us| us as f64 / 1000.0));
             Some(Sample::Median(
                 ms.map(|ms| ms.into_iter().collect()).collect(),
             ))
@@ -65,22 +51,22 @@ pub(crate) fn sample_in(metric: &Metric, rows: &[&Row], area: AreaChoice) -> Opt
 }
 
 /// A metric over all rows of an algorithm: a fraction or a mean, a sum, or the median of times.
-pub(crate) fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+pub(crate) fn total(metric: &Metric, rows: &[RowRef<'_>]) -> Option<f64> {
     sample(metric, rows)?.total()
 }
 
 /// The runs of rows, those of a run beside each other.
-pub(crate) fn runs(rows: &[&Row]) -> RunLengths {
-    let lengths = rows.chunk_by(|a, b| run_key(a) == run_key(b));
+pub(crate) fn runs(rows: &[RowRef<'_>]) -> RunLengths {
+    let lengths = rows.chunk_by(|a, b| a.origin().run_key() == b.origin().run_key());
     let lengths: Vec<_> = lengths.map(<[_]>::len).collect();
     // Scenes of a data set are independent of each other; frames of a recording are not, also where
     // their files have names.
-    RunLengths::new(&lengths, rows.iter().all(|row| is_scene(row)))
+    RunLengths::new(&lengths, rows.iter().all(|row| row.origin().is_scene()))
 }
 
 /// The rows of the pairs that both have, those of a run beside each other.
-pub(crate) fn paired<'a>(base: &[&'a Row], other: &[&'a Row]) -> [Vec<&'a Row>; 2] {
-    let key = |row: &&'a Row| (run_key(row), row.sequence, row.name.as_str());
+pub(crate) fn paired<'a>(base: &[RowRef<'a>], other: &[RowRef<'a>]) -> [Vec<RowRef<'a>>; 2] {
+    let key = |row: &RowRef<'a>| (row.origin().run_key(), row.sequence(), row.name());
     let other: BTreeMap<_, _> = other.iter().map(|row| (key(row), *row)).collect();
     let base: BTreeMap<_, _> = base.iter().map(|row| (key(row), *row)).collect();
     let both = base
@@ -91,18 +77,18 @@ pub(crate) fn paired<'a>(base: &[&'a Row], other: &[&'a Row]) -> [Vec<&'a Row>; 
 }
 
 /// The sums of rows of equal keys, in the order of their first ones.
-pub(crate) fn grouped<'a, T, K: Ord, S>(
-    rows: &[&'a T],
-    key: impl Fn(&'a T) -> K,
-    sum: impl Fn(&[&'a T]) -> S,
+pub(crate) fn grouped<T: Copy, K: Ord, S>(
+    rows: &[T],
+    key: impl Fn(T) -> K,
+    sum: impl Fn(&[T]) -> S,
 ) -> Vec<S> {
-    let mut groups: Vec<Vec<&T>> = Vec::new();
+    let mut groups: Vec<Vec<T>> = Vec::new();
     let mut places = BTreeMap::new();
     for row in rows {
-        let place = *places.entry(key(row)).or_insert(groups.len());
+        let place = *places.entry(key(*row)).or_insert(groups.len());
         match groups.get_mut(place) {
-            Some(group) => group.push(row),
-            None => groups.push(vec![row]),
+            Some(group) => group.push(*row),
+            None => groups.push(vec![*row]),
         }
     }
     groups.iter().map(|own| sum(own)).collect()

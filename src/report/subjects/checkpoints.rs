@@ -1,6 +1,7 @@
 //! How often a run passes its checkpoints.
 
-use crate::rows::records::{CheckpointRow, FrameRow, Row};
+use crate::rows::held::Row;
+use crate::rows::records::{CheckpointRow, FrameRow};
 use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally};
 
 /// The checkpoints of a run, by checkpoint and algorithm.

@@ -267,7 +267,7 @@ pub(crate) mod tests {
     use super::super::speed::tests::row;
     use super::*;
     use crate::results::summary::{ReportTables, ResultParts, Results, Shown};
-    use crate::rows::records::Row;
+    use crate::rows::held::Row;
 
     /// A course of 6 m that was finished, six pairs a second.
     pub(crate) fn drive(seed: u64, algorithm: &str) -> DriveRow {

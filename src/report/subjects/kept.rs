@@ -1,6 +1,7 @@
 //! The rules of a report's scenario, and the cells that perturbed pairs keep of the unperturbed.
 
-use crate::rows::records::{CellRow, Row};
+use crate::rows::held::Row;
+use crate::rows::records::CellRow;
 use svl_core::Result;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};

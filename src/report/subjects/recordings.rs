@@ -1,6 +1,6 @@
 //! The results per recording, of several.
 
-use crate::rows::records::Row;
+use crate::rows::held::{RowRef, Rows};
 use crate::rows::samples::{grouped, total};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -18,23 +18,19 @@ pub struct RecordingSummary {
 }
 
 /// The results per recording, if there are several.
-pub(crate) fn recordings(rows: &[Row]) -> Vec<RecordingSummary> {
+pub(crate) fn recordings(rows: &Rows) -> Vec<RecordingSummary> {
     let own = rows.iter();
-    let own = own.filter(|row| row.stress.is_none() && row.run.is_some());
-    let own: Vec<&Row> = own.collect();
-    let summary = |own: &[&Row]| RecordingSummary {
-        run: own[0].run.clone().unwrap_or_default(),
-        algorithm: own[0].algorithm.clone(),
+    let own = own.filter(|row| row.stress().is_none() && row.run().is_some());
+    let own: Vec<RowRef<'_>> = own.collect();
+    let summary = |own: &[RowRef<'_>]| RecordingSummary {
+        run: own[0].run().unwrap_or_default().to_owned(),
+        algorithm: own[0].algorithm().to_owned(),
         pairs: own.len() as u64,
         metrics: (METRICS.iter())
             .filter_map(|metric| Some((metric.name, total(metric, own)?)))
             .collect(),
     };
-    let all = grouped(
-        &own,
-        |row| (row.run.clone(), row.algorithm.clone()),
-        summary,
-    );
+    let all = grouped(&own, |row| (row.run(), row.algorithm()), summary);
     if all.windows(2).all(|two| two[0].run == two[1].run) {
         return Vec::new();
     }

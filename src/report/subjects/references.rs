@@ -3,8 +3,9 @@
 //! beyond that. *Exact* reports the distance by which each cell is scored: it misses what any
 //! matcher misses that is right in every cell.
 
-use crate::rows::records::{Row, record};
-use crate::rows::samples::{self, run_key};
+use crate::rows::held::{Row, Rows};
+use crate::rows::records::record;
+use crate::rows::samples;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::stereo::{Cell, CellDepth, CellRule, Rig};
 use svl_score::judge::{
@@ -66,13 +67,42 @@ impl TruthRow {
         };
         truths.map(row).collect()
     }
+}
+
+/// A [`TruthRow`], as it is held: a report has one per cell of each pair.
+struct TrueCell {
+    /// Not a number without one.
+    true_median_px: f32,
+    column: u8,
+    row: u8,
+    area: Option<CellArea>,
+    is_obstacle: Option<bool>,
+    is_free: Option<bool>,
+    is_clear_floor: Option<bool>,
+}
+
+impl TrueCell {
+    fn new(cell: &TruthRow) -> Self {
+        Self {
+            true_median_px: cell.true_median_px.map_or(f32::NAN, |px| px as f32),
+            column: cell.column as u8,
+            row: cell.row as u8,
+            area: cell.area,
+            is_obstacle: cell.is_obstacle,
+            is_free: cell.is_free,
+            is_clear_floor: cell.is_clear_floor,
+        }
+    }
+
+    fn true_px(&self) -> Option<f32> {
+        Some(self.true_median_px).filter(|px| !px.is_nan())
+    }
 
     fn truth(&self, rig: Option<&Rig>) -> CellTruth {
         let near = self.is_obstacle.zip(self.is_free);
-        let px = self.true_median_px;
         CellTruth {
             area: self.area,
-            median: px.map(|px| CellDepth::at(px as f32, rig)),
+            median: self.true_px().map(|px| CellDepth::at(px, rig)),
             near: near.map(|(is_obstacle, is_free)| NearTruth {
                 is_obstacle,
                 is_free,
@@ -82,74 +112,82 @@ impl TruthRow {
     }
 
     /// The score of a report of this disparity, or of none.
-    fn judge(&self, reported_px: Option<f64>, rule: CellRule) -> CellJudgement {
-        // Only the product of focal length and baseline counts.
-        let rig = Rig::new(self.depth_px_m, (0.0, 0.0), 1.0, self.doffs_px).ok();
+    fn judge(&self, reported_px: Option<f32>, rig: Option<&Rig>, rule: CellRule) -> CellJudgement {
         let cell = Cell {
-            depth: reported_px.map(|px| CellDepth::at(px as f32, rig.as_ref())),
+            depth: reported_px.map(|px| CellDepth::at(px, rig)),
             ..Cell::UNKNOWN
         };
-        self.truth(rig.as_ref()).judge(&cell, rule)
+        self.truth(rig).judge(&cell, rule)
     }
 }
 
 /// The truth of the pairs of a report.
 #[derive(Default)]
 pub(crate) struct ReferenceTally {
-    pairs: Vec<TruePair>,
-}
-
-/// The truth of a pair, beside the row of an algorithm.
-struct TruePair {
-    row: Row,
-    cells: Vec<TruthRow>,
+    /// A row of any algorithm per pair.
+    rows: Rows,
+    /// The cells of the pairs, one pair after the other.
+    cells: Vec<TrueCell>,
+    /// Per pair the end of its cells, the product of focal length and baseline, and the difference
+    /// of the principal points.
+    pairs: Vec<(usize, f64, f64)>,
 }
 
 impl ReferenceTally {
     /// Adds an unperturbed pair, with a row of any algorithm.
-    pub(crate) fn add(&mut self, row: &Row, cells: Vec<TruthRow>) {
-        if row.stress.is_none() && !cells.is_empty() {
-            self.pairs.push(TruePair {
-                row: row.clone(),
-                cells,
-            });
+    pub(crate) fn add(&mut self, row: &Row, cells: &[TruthRow]) {
+        if let Some(first) = cells.first().filter(|_| row.stress.is_none()) {
+            self.rows.push(row);
+            self.cells.extend(cells.iter().map(TrueCell::new));
+            let end = self.cells.len();
+            self.pairs.push((end, first.depth_px_m, first.doffs_px));
         }
     }
 
     /// The rows of each reference, in the order of the pairs.
-    pub(crate) fn into_rows(self, rule: CellRule) -> Vec<Row> {
+    pub(crate) fn into_rows(self, rule: CellRule) -> Rows {
         let groups = self.groups();
         let medians = self.medians(&groups);
-        let prior = self.pairs.iter().zip(&groups).map(|(pair, group)| {
-            let median = |cell: &TruthRow| {
+        let mut rows = Rows::default();
+        for (pair, group) in groups.iter().enumerate() {
+            let median = |cell: &TrueCell| {
                 let own: &CellMedians = medians.get(&(cell.column, cell.row))?;
                 own.beside.get(group).copied().unwrap_or(own.all)
             };
-            pair.scored(PRIOR, median, rule)
-        });
-        let exact = self.pairs.iter();
-        let exact = exact.map(|pair| pair.scored(EXACT, |cell| cell.true_median_px, rule));
-        prior.chain(exact).collect()
+            rows.push(&self.scored(pair, PRIOR, median, rule));
+        }
+        for pair in 0..groups.len() {
+            rows.push(&self.scored(pair, EXACT, TrueCell::true_px, rule));
+        }
+        rows
     }
 
     /// Per pair its run, or, of a single run, its block.
     fn groups(&self) -> Vec<usize> {
-        let rows: Vec<_> = self.pairs.iter().map(|pair| &pair.row).collect();
-        let runs: BTreeSet<_> = rows.iter().map(|row| run_key(row)).collect();
+        let rows: Vec<_> = self.rows.iter().collect();
+        let runs: BTreeSet<_> = rows.iter().map(|row| row.origin().run_key()).collect();
         if runs.len() == 1 {
             return samples::runs(&rows).block_numbers();
         }
-        let place = |row: &&Row| runs.iter().position(|run| *run == run_key(row));
-        rows.iter().filter_map(place).collect()
+        let runs: BTreeMap<_, _> = runs.into_iter().zip(0..).collect();
+        rows.iter()
+            .map(|row| runs[&row.origin().run_key()])
+            .collect()
+    }
+
+    /// The cells of a pair.
+    fn pair(&self, pair: usize) -> &[TrueCell] {
+        let begin = pair.checked_sub(1).map_or(0, |before| self.pairs[before].0);
+        &self.cells[begin..self.pairs[pair].0]
     }
 
     /// Per cell the medians of the true disparities of scored cells.
-    fn medians(&self, groups: &[usize]) -> BTreeMap<(u32, u32), CellMedians> {
-        let mut values: BTreeMap<(u32, u32), Vec<(f64, usize)>> = BTreeMap::new();
-        for (pair, group) in self.pairs.iter().zip(groups) {
-            for cell in &pair.cells {
+    fn medians(&self, groups: &[usize]) -> BTreeMap<(u8, u8), CellMedians> {
+        let mut values: BTreeMap<(u8, u8), Vec<(f32, u32)>> = BTreeMap::new();
+        for (pair, group) in groups.iter().enumerate() {
+            for cell in self.pair(pair) {
                 let own = values.entry((cell.column, cell.row)).or_default();
-                own.extend(cell.true_median_px.map(|px| (px, *group)));
+                own.extend(cell.true_px().map(|px| (px, *group as u32)));
             }
         }
         let medians = values.into_iter();
@@ -157,22 +195,54 @@ impl ReferenceTally {
             .map(|(place, values)| (place, CellMedians::new(values)))
             .collect()
     }
+
+    /// The row of a reference that reports those disparities of a pair.
+    fn scored(
+        &self,
+        pair: usize,
+        name: &str,
+        reported_px: impl Fn(&TrueCell) -> Option<f32>,
+        rule: CellRule,
+    ) -> Row {
+        let (cells, (_, depth_px_m, doffs_px)) = (self.pair(pair), self.pairs[pair]);
+        // Only the product of focal length and baseline counts.
+        let rig = Rig::new(depth_px_m, (0.0, 0.0), 1.0, doffs_px).ok();
+        let reported: Vec<_> = cells.iter().map(reported_px).collect();
+        let judge = |(cell, px): (&TrueCell, &Option<f32>)| cell.judge(*px, rig.as_ref(), rule);
+        let judged: Vec<_> = cells.iter().zip(&reported).map(judge).collect();
+        let knows_floor = cells.iter().any(|cell| cell.is_clear_floor.is_some());
+        Row {
+            algorithm: name.to_owned(),
+            metrics: metrics(&judged, knows_floor, rule),
+            // Nothing is matched.
+            parameters_hash: String::new(),
+            result_hash: hash(&format!("{reported:?}")),
+            disparities: None,
+            smoothing_us: None,
+            texture_us: None,
+            matching_us: None,
+            checks_us: None,
+            total_us: None,
+            filters_us: None,
+            ..self.rows.row(pair).to_row()
+        }
+    }
 }
 
 /// The medians of a cell's true disparities.
 struct CellMedians {
-    all: Option<f64>,
+    all: Option<f32>,
     /// Per group with a value that of the other groups.
-    beside: BTreeMap<usize, Option<f64>>,
+    beside: BTreeMap<usize, Option<f32>>,
 }
 
 impl CellMedians {
     /// The medians of values with their groups; all are sorted once, however many groups there are.
-    fn new(mut values: Vec<(f64, usize)>) -> Self {
+    fn new(mut values: Vec<(f32, u32)>) -> Self {
         values.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let mut places: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (place, (_, group)) in values.iter().enumerate() {
-            places.entry(*group).or_default().push(place);
+            places.entry(*group as usize).or_default().push(place);
         }
         let median = |left_out: &[usize]| {
             let others = values.len() - left_out.len();
@@ -186,36 +256,6 @@ impl CellMedians {
         Self {
             all: median(&[]),
             beside: beside.collect(),
-        }
-    }
-}
-
-impl TruePair {
-    /// The row of a reference that reports those disparities.
-    fn scored(
-        &self,
-        name: &str,
-        reported_px: impl Fn(&TruthRow) -> Option<f64>,
-        rule: CellRule,
-    ) -> Row {
-        let reported: Vec<_> = self.cells.iter().map(reported_px).collect();
-        let cells = self.cells.iter().zip(&reported);
-        let cells: Vec<_> = cells.map(|(cell, px)| cell.judge(*px, rule)).collect();
-        let knows_floor = self.cells.iter().any(|cell| cell.is_clear_floor.is_some());
-        Row {
-            algorithm: name.to_owned(),
-            metrics: metrics(&cells, knows_floor, rule),
-            // Nothing is matched.
-            parameters_hash: String::new(),
-            result_hash: hash(&format!("{reported:?}")),
-            disparities: None,
-            smoothing_us: None,
-            texture_us: None,
-            matching_us: None,
-            checks_us: None,
-            total_us: None,
-            filters_us: None,
-            ..self.row.clone()
         }
     }
 }
@@ -259,7 +299,9 @@ fn metrics(cells: &[CellJudgement], knows_floor: bool, rule: CellRule) -> Metric
 mod tests {
     use super::super::speed::tests::row;
     use super::*;
+    use crate::rows::held::RowRef;
     use svl_core::statistics::lower_median;
+    use svl_score::judge::MetricSource as _;
 
     fn cell(column: u32, true_m: f64) -> TruthRow {
         TruthRow {
@@ -281,14 +323,18 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(1);
         for count in 0..60 {
             let values: Vec<_> = (0..count)
-                .map(|_| (f64::from(random.u8(..9)), random.usize(..4)))
+                .map(|_| (f32::from(random.u8(..9)), random.u32(..4)))
                 .collect();
             let medians = CellMedians::new(values.clone());
             for group in 0..5 {
                 let others = values.iter().filter(|(_, own)| *own != group);
-                let expected = lower_median(others.map(|(px, _)| *px));
-                let own = medians.beside.get(&group).copied();
-                assert_eq!(own.unwrap_or(medians.all), expected, "{values:?}");
+                let expected = lower_median(others.map(|(px, _)| f64::from(*px)));
+                let own = medians.beside.get(&(group as usize)).copied();
+                assert_eq!(
+                    own.unwrap_or(medians.all).map(f64::from),
+                    expected,
+                    "{values:?}"
+                );
             }
         }
     }
@@ -303,10 +349,11 @@ mod tests {
                     sequence: i as u64,
                     ..row(1000, (64, 48), None)
                 };
-                tally.add(&row, vec![cell(0, *true_m)]);
+                tally.add(&row, &[cell(0, *true_m)]);
             }
         }
-        let mut rows = tally.into_rows(CellRule::default());
+        let rows = tally.into_rows(CellRule::default());
+        let mut rows: Vec<_> = rows.iter().map(RowRef::to_row).collect();
         let exact = rows.split_off(rows.len() / 2);
         let is = |row: &Row, name: &str| row.algorithm == name && row.total_us.is_none();
         assert!(rows.iter().all(|row| is(row, PRIOR)));
@@ -334,8 +381,10 @@ mod tests {
 
     #[test]
     fn obstacles_are_found_or_missed() {
-        let scored = |true_m, reported_m: Option<f64>| {
-            let judged = cell(0, true_m).judge(reported_m.map(|m| 10.0 / m), CellRule::default());
+        let scored = |true_m, reported_m: Option<f32>| {
+            let (own, rig) = (cell(0, true_m), Rig::new(10.0, (0.0, 0.0), 1.0, 0.0).ok());
+            let px = reported_m.map(|m: f32| 10.0 / m);
+            let judged = TrueCell::new(&own).judge(px, rig.as_ref(), CellRule::default());
             let near = judged.near;
             (judged.verdict, near.found, near.missed, near.falsely)
         };

@@ -1,6 +1,6 @@
 //! The times of one algorithm.
 
-use crate::rows::records::Row;
+use crate::rows::held::RowRef;
 use svl_core::statistics::nearest_rank;
 
 /// The modified Z-score, (t − median) / (1.4826 · median absolute deviation), from which a time is
@@ -35,11 +35,12 @@ pub(crate) struct Speed {
 
 impl Speed {
     /// Times of the rows of one algorithm, at least one.
-    pub(crate) fn from_rows(rows: &[&Row]) -> Self {
-        let total_us = |row: &Row| row.total_us.unwrap_or_default();
-        let per_pixel =
-            |row: &Row| total_us(row) as f64 / (f64::from(row.width) * f64::from(row.height));
-        let per_disparity = |row: &Row| Some(per_pixel(row) / f64::from(row.disparities?));
+    pub(crate) fn from_rows(rows: &[RowRef<'_>]) -> Self {
+        let total_us = |row: &RowRef<'_>| row.total_us().unwrap_or_default();
+        let per_pixel = |row: &RowRef<'_>| {
+            total_us(row) as f64 / (f64::from(row.width()) * f64::from(row.height()))
+        };
+        let per_disparity = |row: &RowRef<'_>| Some(per_pixel(row) / f64::from(row.disparities()?));
         let ascending = |mut values: Vec<f64>| {
             values.sort_by(f64::total_cmp);
             values
@@ -49,20 +50,20 @@ impl Speed {
         // The interquartile mean of all stages over the same pairs: medians of stages would not add
         // up to the median of totals.
         let middle = &order[order.len() / 4..(3 * order.len()).div_ceil(4)];
-        let mean_ms = |us: fn(&Row) -> Option<u64>| {
+        let mean_ms = |us: fn(&RowRef<'_>) -> Option<u64>| {
             let us = middle.iter().map(|row| us(row).unwrap_or_default() as f64);
             us.sum::<f64>() / (1e3 * middle.len().max(1) as f64)
         };
         let mut stages_ms = [
-            mean_ms(|row| row.smoothing_us),
-            mean_ms(|row| row.texture_us),
-            mean_ms(|row| row.matching_us),
-            mean_ms(|row| row.checks_us),
-            mean_ms(|row| row.filters_us),
+            mean_ms(|row| row.smoothing_us()),
+            mean_ms(|row| row.texture_us()),
+            mean_ms(|row| row.matching_us()),
+            mean_ms(|row| row.checks_us()),
+            mean_ms(|row| row.filters_us()),
             0.0,
         ];
         // Stages are rounded to whole microseconds each, so their sum may exceed the total.
-        stages_ms[5] = (mean_ms(|row| row.total_us) - stages_ms.iter().sum::<f64>()).max(0.0);
+        stages_ms[5] = (mean_ms(|row| row.total_us()) - stages_ms.iter().sum::<f64>()).max(0.0);
         Self {
             per_pixel: ascending(rows.iter().map(|row| per_pixel(row)).collect()),
             per_disparity: ascending(rows.iter().filter_map(|row| per_disparity(row)).collect()),
@@ -109,6 +110,7 @@ impl Speed {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::rows::held::{Row, Rows};
 
     /// A row without metrics.
     pub(crate) fn row(total_us: u64, (width, height): (u32, u32), disparities: Option<u32>) -> Row {
@@ -145,7 +147,8 @@ pub(crate) mod tests {
         // Half a megapixel in 10 ms with 20 disparities: 0.02 s/MP, 1 s/GD.
         let rows =
             [10_000, 1_000_000, 10_000, 10_000, 2_000].map(|us| row(us, (1000, 500), Some(20)));
-        let speed = Speed::from_rows(&rows.each_ref());
+        let rows: Rows = rows.into_iter().collect();
+        let speed = Speed::from_rows(&rows.iter().collect::<Vec<_>>());
         assert_eq!(
             [0.5, 0.95, 1.0].map(|share| speed.rank_ms(share)),
             [10.0, 1000.0, 1000.0]
@@ -159,7 +162,7 @@ pub(crate) mod tests {
     #[test]
     fn outliers_are_far_slower_than_the_spread() {
         let outliers = |us: &[u64]| {
-            let rows: Vec<_> = us.iter().map(|&us| row(us, (100, 100), None)).collect();
+            let rows: Rows = us.iter().map(|&us| row(us, (100, 100), None)).collect();
             Speed::from_rows(&rows.iter().collect::<Vec<_>>()).outliers()
         };
         // Median 1009, of the deviations 5: the limit is 1009 + 14.26 · 7.4 = 1115.
@@ -171,7 +174,8 @@ pub(crate) mod tests {
 
     #[test]
     fn unknown_disparities_have_no_speed_per_disparity() {
-        let speed = Speed::from_rows(&[&row(500, (10, 10), None)]);
+        let rows: Rows = [row(500, (10, 10), None)].into_iter().collect();
+        let speed = Speed::from_rows(&[rows.row(0)]);
         assert_eq!((speed.time_per_gd_s(), speed.time_per_mp_s()), (None, 5.0));
         assert_eq!(
             speed.stages_ms.map(|ms| (1e3 * ms).round()),

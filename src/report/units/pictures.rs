@@ -2,7 +2,7 @@
 
 use super::worst::{WorstFrame, WorstPicture};
 use crate::pages::html::figures::{CheckpointFigure, FrameShot, SceneFigure};
-use crate::rows::records::Row;
+use crate::rows::held::Row;
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use svl_core::{Error, Result};

@@ -8,7 +8,7 @@ use super::unit::StoredUnit;
 use super::worst::{WorstFrame, WorstFrames, WorstPicture};
 use crate::pages::html::figures::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use crate::results::summary::ReportTables;
-use crate::rows::records::Row;
+use crate::rows::held::{PairOrigin, Row, RowRef};
 use std::collections::BTreeMap;
 use std::path::Path;
 use svl_core::Result;
@@ -114,18 +114,18 @@ impl StoredShots {
         Ok(found)
     }
 
-    /// The units that show the row's pair, those of its algorithm first.
-    fn units(&self, row: &Row) -> Vec<&StoredUnit> {
-        let key = (row.seed, row.run.clone(), row.sequence);
+    /// The units that show a pair, those of the algorithm first.
+    fn units(&self, pair: PairOrigin<'_>, algorithm: &str) -> Vec<&StoredUnit> {
+        let key = (pair.seed, pair.run.map(str::to_owned), pair.sequence);
         let mut units: Vec<_> = self.units.get(&key).into_iter().flatten().collect();
-        units.sort_by_key(|unit| unit.label != row.algorithm);
+        units.sort_by_key(|unit| unit.label != algorithm);
         units
     }
 
     /// True if the row's pair is there, as its algorithm matched it.
-    pub fn hold(&self, row: &Row) -> bool {
-        let units = self.units(row);
-        units.iter().any(|unit| unit.label == row.algorithm)
+    pub(crate) fn hold(&self, row: RowRef<'_>) -> bool {
+        let units = self.units(row.origin(), row.algorithm());
+        units.iter().any(|unit| unit.label == row.algorithm())
     }
 
     /// A frame of the row's pair: of its algorithm, else of any other.
@@ -133,7 +133,7 @@ impl StoredShots {
     /// # Errors
     /// The errors of [`StoredShots::find`].
     pub fn read(&self, row: &Row) -> Result<Option<FrameShot>> {
-        for unit in self.units(row) {
+        for unit in self.units(row.origin(), &row.algorithm) {
             if let Some(pictures) = unit.pictures()?
                 && let Some(shot) = pictures.shot(row)?
             {

@@ -6,9 +6,9 @@ use super::run_units::RunUnits;
 use super::unit::{UnitReader, UnitRows};
 use crate::results::summary::ReportTables;
 use crate::results::table_writer::{TableWriter, write_table};
-use crate::rows::csv_rows::read_rows;
-use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Row};
-use crate::rows::samples::time_ns;
+use crate::rows::csv_rows::{RowReader, read_rows};
+use crate::rows::held::{Row, RowRef};
+use crate::rows::records::{CellRow, CheckpointRow, FailureRow};
 use crate::subjects::accuracy::{AccuracyTally, RunRanges};
 use crate::subjects::checkpoints::CheckpointTallies;
 use crate::subjects::kept::ScoreRule;
@@ -42,7 +42,7 @@ pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {
 pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
     let file = |name: &str| folder.join(format!("{name}.csv"));
     let mut tables = ReportTables {
-        rows: read_rows(&file("rows"))?,
+        rows: RowReader::open(&file("rows"))?.collect::<Result<_>>()?,
         failures: read_rows(&file("failures"))?,
         ..ReportTables::default()
     };
@@ -53,7 +53,7 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.checkpoints = read_rows(&file("checkpoints"))?;
         tables.accuracy = read_rows(&file("accuracy"))?;
         tables.reliability = read_rows(&file("reliability"))?;
-        tables.references = read_rows(&file("references"))?;
+        tables.references = RowReader::open(&file("references"))?.collect::<Result<_>>()?;
         tables.estimates = read_rows(&file("estimates"))?;
     }
     Ok(tables)
@@ -92,14 +92,18 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
     rows.finish()?;
     failures.finish()?;
     if plan.is_driven() {
-        write_table(folder, "drives", &tables.drives)?;
-        write_table(folder, "tracks", &tables.tracks)?;
+        write_table(folder, "drives", tables.drives.iter().cloned())?;
+        write_table(folder, "tracks", tables.tracks.iter().cloned())?;
     } else {
-        write_table(folder, "checkpoints", &tables.checkpoints)?;
-        write_table(folder, "accuracy", &tables.accuracy)?;
-        write_table(folder, "reliability", &tables.reliability)?;
-        write_table(folder, "references", &tables.references)?;
-        write_table(folder, "estimates", &tables.estimates)?;
+        write_table(folder, "checkpoints", tables.checkpoints.iter().cloned())?;
+        write_table(folder, "accuracy", tables.accuracy.iter().cloned())?;
+        write_table(folder, "reliability", tables.reliability.iter().cloned())?;
+        write_table(
+            folder,
+            "references",
+            tables.references.iter().map(RowRef::to_row),
+        )?;
+        write_table(folder, "estimates", tables.estimates.iter().cloned())?;
     }
     Ok(tables)
 }
@@ -144,11 +148,12 @@ pub fn collect_tables(
                         rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
                     }
                     if let Some(row) = rows.rows.first() {
-                        accuracy.add(time_ns(row), &rows.cells);
+                        let time_ns = row.origin().time_ns();
+                        accuracy.add(time_ns, &rows.cells);
                         reliability.add(&rows.cells);
-                        references.add(row, std::mem::take(&mut rows.truths));
+                        references.add(row, &rows.truths);
                         let compared = ComparedPair {
-                            stamp_ns: time_ns(row).filter(|_| !has_separate_pairs),
+                            stamp_ns: time_ns.filter(|_| !has_separate_pairs),
                             infinity_px: pair.infinity_px,
                             floor: pair.floor,
                         };

@@ -1038,9 +1038,9 @@ const BY_AREA: usize = {
     count
 };
 
-/// Places of values: the headline's by [`METRICS`], then those over floor, over what is beyond and
-/// over all.
-const PLACES: usize = METRICS.len() + 3 * BY_AREA;
+/// Number of the places of values: the headline's by [`METRICS`], then those over floor, over what is
+/// beyond and over all.
+pub const PLACES: usize = METRICS.len() + 3 * BY_AREA;
 const _: () = assert!(PLACES <= u128::BITS as usize);
 
 /// Values of a frame or a run for the metrics of [`METRICS`] that have a column: those of areas for
@@ -1070,6 +1070,17 @@ impl MetricValues {
         values
     }
 
+    /// The values at all [`PLACES`].
+    pub fn from_places(value: impl Fn(usize) -> Option<f64>) -> Self {
+        let mut own = Self::default();
+        for place in 0..PLACES {
+            let value = value(place);
+            own.known |= u128::from(value.is_some()) << place;
+            own.values.extend(value);
+        }
+        own
+    }
+
     /// Values of the headline.
     pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
         let mut values = Self::default();
@@ -1082,28 +1093,6 @@ impl MetricValues {
     /// Selects the area of the values that are read.
     pub fn select(&mut self, area: AreaChoice) {
         self.selected = area;
-    }
-
-    /// The area of the values that are read.
-    pub fn area(&self) -> AreaChoice {
-        self.selected
-    }
-
-    /// The value of its column, in the selected area.
-    ///
-    /// # Panics
-    /// If no metric of [`METRICS`] has that name.
-    pub fn get(&self, name: &str) -> Option<f64> {
-        self.get_in(name, self.selected)
-    }
-
-    /// The value of its column in an area; that of a metric of no area in all of them.
-    ///
-    /// # Panics
-    /// Panics as [`Self::get`] does.
-    pub fn get_in(&self, name: &str, area: AreaChoice) -> Option<f64> {
-        let (is_known, index) = self.find(value_place(name, area));
-        is_known.then(|| self.values[index])
     }
 
     /// True if there is a value at a place, and its index in the values, or that where it belongs.
@@ -1140,10 +1129,46 @@ impl MetricValues {
         }
         self.values.shrink_to_fit();
     }
+}
+
+impl MetricSource for MetricValues {
+    fn area(&self) -> AreaChoice {
+        self.selected
+    }
+
+    fn at(&self, place: usize) -> Option<f64> {
+        let (is_known, index) = self.find(place);
+        is_known.then(|| self.values[index])
+    }
+}
+
+/// Values of metrics, wherever they are stored.
+pub trait MetricSource {
+    /// The area of the values that are read.
+    fn area(&self) -> AreaChoice;
+
+    /// The value at one of the [`PLACES`].
+    fn at(&self, place: usize) -> Option<f64>;
+
+    /// The value of its column, in the selected area.
+    ///
+    /// # Panics
+    /// If no metric of [`METRICS`] has that name.
+    fn get(&self, name: &str) -> Option<f64> {
+        self.get_in(name, self.area())
+    }
+
+    /// The value of its column in an area; that of a metric of no area in all of them.
+    ///
+    /// # Panics
+    /// Panics as [`Self::get`] does.
+    fn get_in(&self, name: &str, area: AreaChoice) -> Option<f64> {
+        self.at(value_place(name, area))
+    }
 
     /// The number of the cases of a metric that counts them, in an area; those of a metric of no
     /// area are of all.
-    pub fn whole_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
+    fn whole_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         let area = if metric.by_area {
             area
         } else {
@@ -1156,12 +1181,12 @@ impl MetricValues {
     }
 
     /// The metric: its column, or the fraction it stands for; `None` if the denominator is 0.
-    pub fn value(&self, metric: &Metric) -> Option<f64> {
-        self.value_in(metric, self.selected)
+    fn value(&self, metric: &Metric) -> Option<f64> {
+        self.value_in(metric, self.area())
     }
 
     /// [`Self::value`] in an area.
-    pub fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
+    fn value_in(&self, metric: &Metric, area: AreaChoice) -> Option<f64> {
         let value = self.get_in(metric.name, area)?;
         match self.parts_in(metric, area) {
             // A frame with only unknown truths has cells, but none that could be right.
@@ -1173,7 +1198,7 @@ impl MetricValues {
 
     /// The part and the whole of a share in an area; `None` of other metrics. Known cells are of
     /// the scored ones of the selected area, where cells are scored.
-    pub fn parts_in(&self, metric: &Metric, area: AreaChoice) -> Option<[f64; 2]> {
+    fn parts_in(&self, metric: &Metric, area: AreaChoice) -> Option<[f64; 2]> {
         if metric.name == "known" {
             let counts = ["right", "wrong", "unknown"].map(|name| self.get(name));
             let [Some(right), Some(wrong), Some(unknown)] = counts else {

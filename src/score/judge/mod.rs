@@ -30,6 +30,7 @@ pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use measured::{CaseKind, Cases, Measured, Minimum};
 pub use metrics::{
     Better, CellNumber, DriveNumber, EstimatedNumber, FrameFacts, METRICS, Metric, MetricFault,
-    MetricLevel, MetricOrigin, MetricTotal, MetricUnit, MetricValues, TruthLevel,
+    MetricLevel, MetricOrigin, MetricSource, MetricTotal, MetricUnit, MetricValues, PLACES,
+    TruthLevel,
 };
 pub use truth::{CellTruth, NearTruth, TrueCells};

@@ -2,6 +2,7 @@
 
 use super::fixture::Fixture;
 use svl::report::{CellRow, Row, read_rows};
+use svl::score::MetricSource as _;
 
 #[test]
 fn levels_are_scored_tabled_and_drawn() {

@@ -186,7 +186,7 @@ fn programs_that_look_at_nothing_win_nothing() {
         ..AccuracyRow::default()
     });
     let tables = ReportTables {
-        rows,
+        rows: rows.into_iter().collect(),
         accuracy: accuracy.collect(),
         ..ReportTables::default()
     };

@@ -122,7 +122,7 @@ pub fn checkpoint(
 }
 
 pub fn summary(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Results {
-    Results::from_rows(&rows, &checkpoints, None)
+    Results::from_rows(&rows.into_iter().collect(), &checkpoints, None)
 }
 
 /// The results of rows with their leads; where `truth` is, it is no competitor, and has 2.5 MB.
@@ -131,7 +131,7 @@ pub fn found(rows: Vec<Row>, checkpoints: Vec<CheckpointRow>) -> Results {
     manifest.profile = None;
     manifest.algorithms[0].memory_bytes = Some(2_500_000);
     let tables = ReportTables {
-        rows,
+        rows: rows.into_iter().collect(),
         checkpoints,
         ..ReportTables::default()
     };

@@ -3,7 +3,7 @@
 use super::fixture::{blind, checkpoint, example, found, row, summary};
 use svl::report::table::{TableCell, TerminalStyle};
 use svl::report::{Best, Certainty, Results, Row, Unfit};
-use svl::score::{ColumnChoice, Metric, MetricValues};
+use svl::score::{ColumnChoice, Metric, MetricSource as _, MetricValues};
 
 #[track_caller]
 fn assert_near<const N: usize>(values: [Option<f64>; N], expected: [f64; N]) {

@@ -6,7 +6,7 @@ use svl::Error;
 use svl::report::table::TerminalStyle;
 use svl::report::{
     AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, ColumnDescription, Record,
-    Results, Row, TABLES, TableWriter, read_rows,
+    Results, Row, Rows, TABLES, TableWriter, read_rows,
 };
 use svl::score::Verdict;
 
@@ -175,7 +175,7 @@ fn an_empty_run_has_tables_and_says_so() {
     table.finish().unwrap();
     let table = TableWriter::<CellRow>::create_both(folder.path(), "cells").unwrap();
     table.finish().unwrap();
-    let summary = Results::from_rows(&[], &[], None);
+    let summary = Results::from_rows(&Rows::default(), &[], None);
     assert!(summary.algorithms.is_empty() && summary.checkpoints.is_empty());
     assert_eq!(summary.pairs_hash, None);
     let text = summary.terminal("none", TerminalStyle::plain(80), false);

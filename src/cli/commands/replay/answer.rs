@@ -54,7 +54,7 @@ impl Replayed {
             ran,
             finished,
             tables: ReportTables {
-                rows,
+                rows: rows.into_iter().collect(),
                 ..ReportTables::default()
             },
             summary: None,

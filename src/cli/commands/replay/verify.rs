@@ -10,7 +10,7 @@ use svl::filter::without_filters;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{AlgorithmCells, MANIFEST, Recording};
-use svl::report::Row;
+use svl::report::{Row, RowRef, Rows, read_rows};
 use svl::source::SourceKind;
 
 /// The results of an earlier run.
@@ -101,11 +101,11 @@ impl Earlier {
             Some(run) => SourceKind::are_topics(run) || Path::new(name).ends_with(run),
             None => row.seed.is_none() || row.seed == seed,
         };
-        let rows = svl::report::read_rows::<Row>(path)?;
+        let rows: Vec<Row> = read_rows(path)?;
         let mut runs = rows.iter().filter_map(|row| row.run.as_deref());
         self.by_stamp = runs.any(SourceKind::are_topics);
         for row in rows.into_iter().filter(is_of) {
-            let key = self.key(&row);
+            let key = self.key(row.stamp_ns, row.sequence);
             let hashes = (row.result_hash, row.pair_hash);
             self.add(row.algorithm.clone(), key, hashes);
             self.parameters.insert(row.algorithm, row.parameters_hash);
@@ -133,12 +133,8 @@ impl Earlier {
     }
 
     /// The number by which a pair is known.
-    fn key(&self, row: &Row) -> u64 {
-        if self.by_stamp {
-            row.stamp_ns
-        } else {
-            row.sequence
-        }
+    fn key(&self, stamp_ns: u64, sequence: u64) -> u64 {
+        if self.by_stamp { stamp_ns } else { sequence }
     }
 
     fn add(&mut self, label: String, key: u64, hashes: (String, String)) {
@@ -178,7 +174,7 @@ impl Earlier {
     /// Compares rows and cells of a replay of `algorithms`.
     pub(super) fn compare(
         &self,
-        rows: &[Row],
+        rows: &Rows,
         cells: &[AlgorithmCells],
         algorithms: &[Algorithm],
     ) -> anyhow::Result<Verification> {
@@ -191,29 +187,30 @@ impl Earlier {
             .iter()
             .map(|result| ((result.algorithm.clone(), result.sequence), result));
         let cells: BTreeMap<_, _> = keyed.collect();
-        let same_cells = |row: &Row| {
-            let key = (row.algorithm.clone(), row.sequence);
+        let same_cells = |row: RowRef<'_>| {
+            let key = (row.algorithm().to_owned(), row.sequence());
             let both = self.cells.get(&key).zip(cells.get(&key));
             both.is_none_or(|(then, now)| then == *now)
         };
-        for row in rows {
+        for row in rows.iter() {
             self.check_parameters(row)?;
-            match self.hashes.get(&(row.algorithm.clone(), self.key(row))) {
+            let key = self.key(row.stamp_ns(), row.sequence());
+            match self.hashes.get(&(row.algorithm().to_owned(), key)) {
                 None => found.only_now += 1,
                 // Another image was the partner, as one was lost.
-                Some((_, pair)) if *pair != row.pair_hash && self.by_stamp => found.only_now += 1,
-                Some((_, pair)) if *pair != row.pair_hash => {
-                    let (shown, pair) = (self.path.display(), row.sequence);
+                Some((_, pair)) if *pair != row.pair_hash() && self.by_stamp => found.only_now += 1,
+                Some((_, pair)) if *pair != row.pair_hash() => {
+                    let (shown, pair) = (self.path.display(), row.sequence());
                     bail!("{shown}: is of other pairs than these; pair {pair} differs");
                 }
-                Some((then, _)) if *then == row.result_hash && same_cells(row) => {
+                Some((then, _)) if *then == row.result_hash() && same_cells(row) => {
                     found.equal += 1;
                 }
                 Some(_) => found
                     .differing
-                    .entry(row.algorithm.clone())
+                    .entry(row.algorithm().to_owned())
                     .or_default()
-                    .push(row.sequence),
+                    .push(row.sequence()),
             }
         }
         found.with_memory = found.first_with_memory(algorithms)?;
@@ -230,10 +227,10 @@ impl Earlier {
 
     /// # Errors
     /// If the row's algorithm had other parameters.
-    fn check_parameters(&self, row: &Row) -> anyhow::Result<()> {
-        let then = self.parameters.get(&row.algorithm);
-        if then.is_some_and(|then| *then != row.parameters_hash) {
-            let (label, shown) = (&row.algorithm, self.path.display());
+    fn check_parameters(&self, row: RowRef<'_>) -> anyhow::Result<()> {
+        let then = self.parameters.get(row.algorithm());
+        if then.is_some_and(|then| *then != row.parameters_hash()) {
+            let (label, shown) = (row.algorithm(), self.path.display());
             bail!(
                 "{label}: its parameters are not those of {shown}; name the algorithm with --algo \
                  as it did, or replay it again"
@@ -243,8 +240,8 @@ impl Earlier {
     }
 
     /// The pairs of the rows and of the earlier results, of the algorithms that `ran`.
-    fn common_pairs(&self, rows: &[Row], ran: &dyn Fn(&str) -> bool) -> CommonPairs {
-        let now = rows.iter().map(|row| (row.stamp_ns, &*row.pair_hash));
+    fn common_pairs(&self, rows: &Rows, ran: &dyn Fn(&str) -> bool) -> CommonPairs {
+        let now = rows.iter().map(|row| (row.stamp_ns(), row.pair_hash()));
         let then = self.hashes.iter().filter(|((label, _), _)| ran(label));
         let then = then.map(|((_, stamp), (_, pair))| (*stamp, pair.as_str()));
         CommonPairs::new(now.collect(), then.collect())

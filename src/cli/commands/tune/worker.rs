@@ -11,10 +11,10 @@ use std::time::{Duration, Instant};
 use svl::manifest::Manifest;
 use svl::notice::Notice;
 use svl::pass::{Matchers, Monitor, Pace};
-use svl::report::Row;
 use svl::report::compare::changes;
+use svl::report::{Row, RowRef, Rows};
 use svl::scenario::{is_of_witness, witness};
-use svl::score::{Judge, Judged, METRICS, Metric};
+use svl::score::{Judge, Judged, METRICS, Metric, MetricSource as _};
 use svl::sink::{Outbox, PassStart, RerunTarget, Sink, TableSink, ViewedScene, WatchSink, finish};
 use svl::stereo::Frame;
 use svl::tune::{SampleCells, Sampler, TunedSetting, evaluate, spread_order};
@@ -385,8 +385,10 @@ impl Bench {
     }
 
     fn publish(&self) {
-        let rows = self.rows.values().map(|[now, compared]| (now, compared));
-        let (now, compared): (Vec<_>, Vec<_>) = rows.unzip();
+        let side =
+            |side: usize| -> Rows { self.rows.values().map(|rows| rows[side].clone()).collect() };
+        let (now, compared) = (side(0), side(1));
+        let [now, compared] = [&now, &compared].map(|rows| rows.iter().collect::<Vec<_>>());
         let mut changes = changes(&compared, &now, METRICS);
         let rule = self.judge.cells;
         let labels = [LABELS[1], LABELS[0]];
@@ -401,14 +403,14 @@ impl Bench {
             .into_iter()
             .filter_map(|(name, worse)| Some((Metric::find(name)?, worse)))
             .find(|(metric, _)| has(metric));
-        let value = |row: &&Row| {
+        let value = |row: &RowRef<'_>| {
             let (metric, _) = ranked_by?;
             match metric.estimated() {
-                Some(_) => self.cells.right(row.sequence, LABELS[0], rule),
-                None => row.metrics.get(metric.name),
+                Some(_) => self.cells.right(row.sequence(), LABELS[0], rule),
+                None => row.metrics().get(metric.name),
             }
         };
-        let values = now.iter().map(|row| (row.sequence, value(row))).collect();
+        let values = now.iter().map(|row| (row.sequence(), value(row))).collect();
         let sample = &mut self.shared.0.lock().shown.sample;
         *sample = SampleView {
             done: now.len(),

@@ -2,10 +2,11 @@
 
 use super::replays::Replays;
 use super::stored;
-use super::timeline::{ShownFrame, Timeline, run_name};
+use super::timeline::{ShownFrame, Timeline};
 use crate::results::gate::GateState;
 use crate::results::summary::Results;
-use crate::rows::records::{CellRow, Row};
+use crate::rows::held::Row;
+use crate::rows::records::CellRow;
 use crate::show::plot::map::CourseMap;
 use crate::show::table::model::Table;
 use serde::{Deserialize, Serialize};
@@ -56,7 +57,7 @@ pub(crate) fn shown_frames(figures: &[CheckpointFigure]) -> Vec<ShownFrame> {
     let frames = frames.flat_map(|(figure, own)| {
         own.shots.iter().map(move |(rank, shot)| ShownFrame {
             algorithm: shot.row.algorithm.clone(),
-            run: run_name(&shot.row),
+            run: shot.row.origin().run_name(),
             sequence: shot.row.sequence,
             rank: match rank {
                 Rank::Failed(rank) => Some(*rank),

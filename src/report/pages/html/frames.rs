@@ -2,14 +2,16 @@
 
 use super::figures::{CheckpointFigure, FrameShot, Rank};
 use super::replays::Replays;
-use super::timeline::run_name;
-use crate::rows::records::{CellRow, Row};
+use crate::rows::held::Row;
+use crate::rows::records::CellRow;
 use crate::show::page::parts::{MarkView, PageImages};
 use crate::show::words::ms;
 use minijinja::{Value, context};
 use svl_core::stereo::CellState;
 use svl_files::overlay::Mark;
-use svl_score::judge::{AreaChoice, CellFinding, METRICS, Metric, MetricTotal, Verdict};
+use svl_score::judge::{
+    AreaChoice, CellFinding, METRICS, Metric, MetricSource as _, MetricTotal, Verdict,
+};
 
 /// A figure for the template. `place`: that of an algorithm among all.
 pub(crate) fn figure_view<'a>(
@@ -47,17 +49,17 @@ pub(crate) fn figure_view<'a>(
         };
         // That frame alone.
         let at_s = replays
-            .at_s(&shot.row)
+            .at_s(shot.row.origin())
             .map(|at_s| [at_s - 0.002, at_s + 0.002]);
         let millis = |s: f64| (s * 1e3).round() / 1e3;
-        let replay = at_s.and_then(|span_s| replays.command(&shot.row, span_s.map(millis)));
+        let replay = at_s.and_then(|span_s| replays.command(shot.row.origin(), span_s.map(millis)));
         let algorithm = &shot.row.algorithm;
         let name = moment(&shot.row).unwrap_or_else(|| algorithm.clone());
         let (label, place) = (format!("{algorithm} {rank}"), place(algorithm));
         let is = if is_wrong(shot) { "wrong" } else { "" };
         context! {
             rank, failed, place, is, name, label, pictures, replay,
-            algo => replays.algorithm(algorithm), run => run_name(&shot.row), ..shot_words(shot)
+            algo => replays.algorithm(algorithm), run => shot.row.origin().run_name(), ..shot_words(shot)
         }
     });
     let shots: Vec<_> = shots.collect();
@@ -75,7 +77,7 @@ pub(crate) fn figure_view<'a>(
 
 /// The words of a frame in links: its run and number.
 pub(crate) fn frame_name(row: &Row) -> String {
-    format!("{}/{}", run_name(row), row.sequence)
+    format!("{}/{}", row.origin().run_name(), row.sequence)
 }
 
 /// True for a frame that the filter of wrong ones leaves.
@@ -141,7 +143,7 @@ impl FrameShot {
 pub(crate) fn shot_words(shot: &FrameShot) -> Value {
     let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     context! {
-        algorithm => shot.row.algorithm, passed => shot.passed, origin => shot.row.origin_words(),
+        algorithm => shot.row.algorithm, passed => shot.passed, origin => shot.row.origin().words(),
         cells => cells(&shot.row), failures => shot.failures, wrong => wrong_cells(shot),
         missing => missing.map(|finding| &finding.words).collect::<Vec<_>>(),
         numbers => numbers(&shot.row),

@@ -10,7 +10,7 @@ use crate::show::plot::strips::Strips;
 use crate::subjects::reliability::{ABOUT, ReliabilityRow, reliability_chart};
 use crate::subjects::speed::STAGES;
 use crate::subjects::stress::{NUMBERS, kinds};
-use svl_score::judge::{Metric, TruthLevel};
+use svl_score::judge::{Metric, MetricSource as _, TruthLevel};
 use svl_sim::stress::StressKind;
 
 fn percent(share: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! Commands that show moments of a report's recordings in Rerun.
 
-use crate::rows::records::Row;
+use crate::rows::held::PairOrigin;
 use crate::show::words::shell_word;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,27 +16,26 @@ pub struct Replays {
 }
 
 impl Replays {
-    /// Seconds of a row's pair since the first pair of its recording.
-    pub(super) fn at_s(&self, row: &Row) -> Option<f64> {
-        let (_, start_ns) = self.runs.get(&(row.seed, row.run.clone()))?;
-        Some(row.stamp_ns.saturating_sub(*start_ns) as f64 / 1e9)
+    /// Seconds of a pair since the first pair of its recording.
+    pub(super) fn at_s(&self, pair: PairOrigin<'_>) -> Option<f64> {
+        let (_, start_ns) = self.runs.get(&run(pair))?;
+        Some(pair.stamp_ns.saturating_sub(*start_ns) as f64 / 1e9)
     }
 
     /// The same in whole seconds; of a recording without times the number of the pair.
-    pub(super) fn second(&self, row: &Row) -> Option<u64> {
-        let untimed = self.is_untimed(row).then_some(row.sequence);
-        untimed.or_else(|| self.at_s(row).map(|at_s| at_s as u64))
+    pub(super) fn second(&self, pair: PairOrigin<'_>) -> Option<u64> {
+        let untimed = self.is_untimed(pair).then_some(pair.sequence);
+        untimed.or_else(|| self.at_s(pair).map(|at_s| at_s as u64))
     }
 
-    /// True if the stamps of a row's recording are placeholders.
-    pub(super) fn is_untimed(&self, row: &Row) -> bool {
-        let run = row.run.as_ref();
-        run.is_some_and(|run| self.untimed.contains(run))
+    /// True if the stamps of a pair's recording are placeholders.
+    pub(super) fn is_untimed(&self, pair: PairOrigin<'_>) -> bool {
+        pair.run.is_some_and(|run| self.untimed.contains(run))
     }
 
-    /// The command for the seconds of a row's recording, without algorithms.
-    pub(super) fn command(&self, row: &Row, [from_s, to_s]: [f64; 2]) -> Option<String> {
-        let (file, _) = self.runs.get(&(row.seed, row.run.clone()))?;
+    /// The command for the seconds of a pair's recording, without algorithms.
+    pub(super) fn command(&self, pair: PairOrigin<'_>, [from_s, to_s]: [f64; 2]) -> Option<String> {
+        let (file, _) = self.runs.get(&run(pair))?;
         let (from_s, file) = (from_s.max(0.0), shell_word(file));
         let options = self
             .options
@@ -57,4 +56,8 @@ impl Replays {
         };
         Some(format!("--algo {}", shell_word(written.find(is_own)?)))
     }
+}
+
+fn run(pair: PairOrigin<'_>) -> (Option<u64>, Option<String>) {
+    (pair.seed, pair.run.map(str::to_owned))
 }

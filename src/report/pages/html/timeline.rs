@@ -1,11 +1,11 @@
 //! The results over time: cells per second of a recording, or per recording of several.
 
 use super::replays::Replays;
-use crate::rows::records::Row;
-use crate::rows::samples::{is_scene, run_key};
+use crate::rows::held::{RowRef, Rows};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_core::counted;
+use svl_score::judge::MetricSource as _;
 
 /// Limit of the bins of an algorithm.
 const MAX_BINS: u64 = 120;
@@ -46,25 +46,20 @@ pub struct ShownFrame {
     pub figure: usize,
 }
 
-/// The name of a row's run, as in links to its frames.
-pub(crate) fn run_name(row: &Row) -> String {
-    let seed = || row.seed.map(|seed| seed.to_string());
-    row.run.clone().or_else(seed).unwrap_or_default()
-}
-
 impl Timeline {
     /// The results of the rows without stress, with the frames that are shown; empty without times
     /// or truth.
-    pub fn new(rows: &[Row], shown: &[ShownFrame], replays: &Replays) -> Self {
-        let scored = |row: &&Row| row.stress.is_none() && row.metrics.get("wrong").is_some();
+    pub fn new(rows: &Rows, shown: &[ShownFrame], replays: &Replays) -> Self {
+        let scored =
+            |row: &RowRef<'_>| row.stress().is_none() && row.metrics().get("wrong").is_some();
         let rows: Vec<_> = rows.iter().filter(scored).collect();
-        if rows.is_empty() || rows.iter().any(|row| is_scene(row)) {
+        if rows.is_empty() || rows.iter().any(|row| row.origin().is_scene()) {
             return Self::default();
         }
         let (mut runs, mut places) = (Vec::new(), BTreeMap::new());
         for row in &rows {
-            places.entry(run_key(row)).or_insert_with(|| {
-                runs.push(run_name(row));
+            places.entry(row.origin().run_key()).or_insert_with(|| {
+                runs.push(row.origin().run_name());
                 runs.len() - 1
             });
         }
@@ -72,50 +67,53 @@ impl Timeline {
         for frame in shown {
             frames.entry(frame.sequence).or_default().push(frame);
         }
-        let figure = |row: &Row| {
-            let own = frames.get(&row.sequence)?.iter();
-            let own =
-                own.filter(|frame| frame.algorithm == row.algorithm && frame.run == run_name(row));
+        let figure = |row: RowRef<'_>| {
+            let own = frames.get(&row.sequence())?.iter();
+            let own = own.filter(|frame| {
+                frame.algorithm == row.algorithm() && frame.run == row.origin().run_name()
+            });
             own.map(|frame| (frame.rank.unwrap_or(usize::MAX), frame.figure))
                 .min()
         };
-        let is_untimed = rows.iter().any(|row| replays.is_untimed(row));
-        let stamps = || rows.iter().map(|row| row.stamp_ns);
+        let is_untimed = rows.iter().any(|row| replays.is_untimed(row.origin()));
+        let stamps = || rows.iter().map(|row| row.stamp_ns());
         let first_ns = stamps().min().unwrap_or_default();
         // A recording's own seconds, also if the first ones are omitted.
-        let since = |row: &Row| (row.stamp_ns - first_ns) / 1_000_000_000;
-        let whole = |row: &Row| replays.second(row).unwrap_or_else(|| since(row));
-        let first_s = rows.iter().map(|row| whole(row)).min().unwrap_or_default();
-        let last_s = rows.iter().map(|row| whole(row)).max().unwrap_or_default();
+        let since = |row: RowRef<'_>| (row.stamp_ns() - first_ns) / 1_000_000_000;
+        let whole = |row: RowRef<'_>| replays.second(row.origin()).unwrap_or_else(|| since(row));
+        let first_s = rows.iter().map(|row| whole(*row)).min().unwrap_or_default();
+        let last_s = rows.iter().map(|row| whole(*row)).max().unwrap_or_default();
         let seconds = (last_s - first_s + 1).div_ceil(MAX_BINS);
         let together = (runs.len() as u64).div_ceil(MAX_BINS) as usize;
-        let place = |row: &Row| match runs.len() {
+        let place = |row: RowRef<'_>| match runs.len() {
             1 => ((whole(row) - first_s) / seconds) as usize,
-            _ => places[&run_key(row)] / together,
+            _ => places[&row.origin().run_key()] / together,
         };
         let name = |bin: usize| match runs.len() {
             1 if is_untimed => format!("frame {}", first_s + bin as u64 * seconds),
             1 => format!("{} s", first_s + bin as u64 * seconds),
             _ => runs[(bin * together).min(runs.len() - 1)].clone(),
         };
-        let count = rows.iter().map(|row| place(row)).max().unwrap_or(0) + 1;
-        let mut lanes: Vec<(String, Vec<Vec<&Row>>)> = Vec::new();
+        let count = rows.iter().map(|row| place(*row)).max().unwrap_or(0) + 1;
+        let mut lanes: Vec<(String, Vec<Vec<RowRef<'_>>>)> = Vec::new();
         for row in &rows {
-            let lane = lanes.iter().position(|(label, _)| *label == row.algorithm);
+            let lane = lanes
+                .iter()
+                .position(|(label, _)| *label == row.algorithm());
             let lane = lane.unwrap_or_else(|| {
-                lanes.push((row.algorithm.clone(), vec![Vec::new(); count]));
+                lanes.push((row.algorithm().to_owned(), vec![Vec::new(); count]));
                 lanes.len() - 1
             });
-            lanes[lane].1[place(row)].push(row);
+            lanes[lane].1[place(*row)].push(*row);
         }
-        let bin = |label: &str, i: usize, rows: &[&Row]| {
+        let bin = |label: &str, i: usize, rows: &[RowRef<'_>]| {
             let Some(worst) = worst_pair(rows) else {
                 return Bin::default();
             };
             let [right, wrong, unknown, missed] =
                 ["right", "wrong", "unknown", "missed"].map(|name| sum(rows, name));
-            let from_s = replays.at_s(worst).map(f64::floor);
-            let command = from_s.and_then(|s| replays.command(worst, [s, s + 1.0]));
+            let from_s = replays.at_s(worst.origin()).map(f64::floor);
+            let command = from_s.and_then(|s| replays.command(worst.origin(), [s, s + 1.0]));
             let command = command.zip(replays.algorithm(label));
             let (name, pairs) = (name(i), counted(rows.len() as u64, "pair"));
             Bin {
@@ -125,7 +123,7 @@ impl Timeline {
                 ),
                 figure: rows
                     .iter()
-                    .filter_map(|row| figure(row))
+                    .filter_map(|row| figure(*row))
                     .min()
                     .map(|own| own.1),
                 command: command.map(|(command, algorithm)| format!("{command} {algorithm}")),
@@ -135,7 +133,7 @@ impl Timeline {
                 missed,
             }
         };
-        let lane = |(label, bins): (String, Vec<Vec<&Row>>)| {
+        let lane = |(label, bins): (String, Vec<Vec<RowRef<'_>>>)| {
             let bins = bins.iter().enumerate();
             let bins = bins.map(|(i, rows)| bin(&label, i, rows)).collect();
             (label, bins)
@@ -169,34 +167,37 @@ pub struct WorstSecond {
 
 impl WorstSecond {
     /// That of the rows of an algorithm without stress; absent without times or truth.
-    pub(crate) fn new(rows: &[Row], label: &str, replays: &Replays) -> Option<Self> {
-        let mut seconds: BTreeMap<_, Vec<&Row>> = BTreeMap::new();
+    pub(crate) fn new(rows: &Rows, label: &str, replays: &Replays) -> Option<Self> {
+        let mut seconds: BTreeMap<_, Vec<RowRef<'_>>> = BTreeMap::new();
         for row in rows
             .iter()
-            .filter(|row| row.algorithm == label && !is_scene(row))
+            .filter(|row| row.algorithm() == label && !row.origin().is_scene())
         {
-            if row.stress.is_none() && row.metrics.get("wrong").is_some() {
-                let second = replays.second(row);
-                let second = second.unwrap_or(row.stamp_ns / 1_000_000_000);
-                seconds.entry((run_key(row), second)).or_default().push(row);
+            if row.stress().is_none() && row.metrics().get("wrong").is_some() {
+                let second = replays.second(row.origin());
+                let second = second.unwrap_or(row.stamp_ns() / 1_000_000_000);
+                seconds
+                    .entry((row.origin().run_key(), second))
+                    .or_default()
+                    .push(row);
             }
         }
-        let sums = |rows: &[&Row]| ["missed", "wrong"].map(|name| sum(rows, name));
+        let sums = |rows: &[RowRef<'_>]| ["missed", "wrong"].map(|name| sum(rows, name));
         let seconds = seconds.into_values();
         let worst = seconds.reduce(|a, b| if sums(&b) > sums(&a) { b } else { a })?;
         let pair = worst_pair(&worst)?;
-        let is_untimed = replays.is_untimed(pair);
-        let at_s = replays.at_s(pair).filter(|_| !is_untimed);
+        let is_untimed = replays.is_untimed(pair.origin());
+        let at_s = replays.at_s(pair.origin()).filter(|_| !is_untimed);
         let at = at_s.map(|at_s| format!("{at_s:.1} s"));
-        let at = at.unwrap_or_else(|| format!("frame {}", pair.sequence));
+        let at = at.unwrap_or_else(|| format!("frame {}", pair.sequence()));
         let kind = if is_untimed { "frame" } else { "second" };
-        let ([missed, wrong], run) = (sums(&worst), run_name(pair));
-        let run = pair.seed.map_or(run, |seed| format!("seed {seed}"));
+        let ([missed, wrong], run) = (sums(&worst), pair.origin().run_name());
+        let run = pair.seed().map_or(run, |seed| format!("seed {seed}"));
         Some(Self {
-            seed: pair.seed,
-            run: pair.run.clone(),
-            sequence: pair.sequence,
-            stamp_ns: pair.stamp_ns,
+            seed: pair.seed(),
+            run: pair.run().map(str::to_owned),
+            sequence: pair.sequence(),
+            stamp_ns: pair.stamp_ns(),
             words: format!(
                 "worst {kind}: {run} at {at} ({label}: {missed} cells missed, {wrong} wrong)"
             ),
@@ -205,14 +206,15 @@ impl WorstSecond {
 }
 
 /// The pair with the most missed cells, then the most wrong ones: the first of equal ones.
-fn worst_pair<'a>(rows: &[&'a Row]) -> Option<&'a Row> {
-    let bad = |row: &Row| ["missed", "wrong"].map(|name| row.metrics.get(name).unwrap_or(0.0));
+fn worst_pair<'a>(rows: &[RowRef<'a>]) -> Option<RowRef<'a>> {
+    let bad =
+        |row: RowRef<'_>| ["missed", "wrong"].map(|name| row.metrics().get(name).unwrap_or(0.0));
     let rows = rows.iter().copied();
     rows.reduce(|worst, row| if bad(row) > bad(worst) { row } else { worst })
 }
 
-fn sum(rows: &[&Row], metric: &str) -> f64 {
-    let values = rows.iter().filter_map(|row| row.metrics.get(metric));
+fn sum(rows: &[RowRef<'_>], metric: &str) -> f64 {
+    let values = rows.iter().filter_map(|row| row.metrics().get(metric));
     // The sum of nothing would be -0.
     values.fold(0.0, |sum, value| sum + value)
 }

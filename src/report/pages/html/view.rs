@@ -6,7 +6,6 @@ use super::heat::heat_map;
 use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
 use super::scenes::{picture_colors, scene_view};
 use super::shades::{parameter_shades, swept};
-use super::timeline::run_name;
 use crate::show::page::parts::{PageImages, css_color};
 use crate::show::table::model::{Table, TableCell, TableColumn};
 use minijinja::{Value, context};
@@ -15,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
 use svl_files::overlay::REFERENCE_COLOR;
-use svl_score::judge::ColumnChoice;
+use svl_score::judge::{ColumnChoice, MetricSource as _};
 use svl_score::manifest::AlgorithmRecord;
 use svl_score::notice::grouped;
 
@@ -75,7 +74,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         entries => entries(page, &scenes), first => first_figure(page),
         grid => marks.map(|mark| (mark.column + 1, mark.row + 1)).max(),
         is_ranked => page.figures.iter().any(|figure| figure.checkpoint.is_some()),
-        runs => shots().map(|(_, shot)| run_name(&shot.row)).collect::<BTreeSet<_>>(),
+        runs => shots().map(|(_, shot)| shot.row.origin().run_name()).collect::<BTreeSet<_>>(),
         has_errors => shots().any(|(_, shot)| shot.errors.is_some()),
         doubts => doubts.collect::<Vec<_>>(), warnings,
         has_choice => page.figures.iter().any(has_choice), figures,

@@ -10,7 +10,7 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Paragraph, Wrap};
 use svl::report::compare::{Change, Judgement, unitless};
-use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
+use svl::score::{METRICS, Metric, MetricOrigin, MetricSource as _, MetricUnit};
 use svl::stereo::Reason;
 use svl::tune::KnobPart;
 
