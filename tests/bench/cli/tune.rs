@@ -189,7 +189,7 @@ fn other_sources_can_be_tuned_on() {
     for (side, shift) in [("left", 0), ("right", 3)] {
         let rows = (shift..shift + 160 * 120).map(|i| (i * 7919 % 251) as u8);
         let rows: Vec<u8> = rows.collect();
-        for i in 0..3 {
+        for i in 0..12 {
             std::fs::create_dir_all(fixture.path(&format!("pictures/{side}"))).unwrap();
             let name = format!("pictures/{side}/{i}.pgm");
             fixture.write(&name, super::fixture::pgm(160, 120, &rows));

@@ -131,8 +131,8 @@ fn references_are_no_labels_and_floor_judges_nobody() {
     // One pair tells nothing, and says so.
     fixture.transcript(
         "
-        score a.mcap --algo prior=v3 => 2: 'prior' is a row of every report's table; give 'v3'
-        score a.mcap --algo exact=v3 => 2: 'exact' is a row of every report's table
+        score a.mcap --algo prior=v3 => 2: 'prior' is a name of svl's own in reports; give 'v3'
+        score a.mcap --algo exact=v3 => 2: 'exact' is a name of svl's own in reports
         compare a b --fail-on worse:floor => 2: 'floor' has no better direction, as it counts true
         score a.mcap --every 8 --algo v3 --algo bm --rerun none -o one \
         => Too few pairs to tell which is best
