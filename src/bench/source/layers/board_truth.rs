@@ -31,6 +31,8 @@ type SeenBoard = Arc<Mutex<Option<(u64, bool, [Detection; 2])>>>;
 pub struct BoardFinder {
     board: Board,
     detector: PairDetector,
+    /// True once it was seen away from the edges: a larger board, cut off, may look like it.
+    is_known: bool,
     seen: SeenBoard,
 }
 
@@ -52,12 +54,19 @@ impl Source for BoardSightings<'_> {
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
         if let Some(frame) = &frame {
-            let found = self.finder.detector.find(&frame.pair);
-            let (board, size) = (&self.finder.board, frame.pair.size());
-            let seen = found.map(|own| match unseen_edge(board, own.corners(), size) {
-                None => own,
-                beyond => Detection::Part { beyond },
-            });
+            let finder = &mut self.finder;
+            let [left, right] = finder.detector.find(&frame.pair);
+            let edge = |own: &Detection| {
+                unseen_edge(&finder.board, own.corners(), frame.pair.size())
+            };
+            let edges = [edge(&left), edge(&right)];
+            let are_whole = [&left, &right].iter().all(|own| !own.corners().is_empty());
+            finder.is_known |= are_whole && edges == [None; 2];
+            let cut = |own, beyond| match beyond {
+                Some(_) if !finder.is_known => Detection::Part { beyond },
+                _ => own,
+            };
+            let seen = [cut(left, edges[0]), cut(right, edges[1])];
             let is_raw = matches!(frame.geometry, Geometry::Raw);
             *self.finder.seen.lock() = Some((frame.sequence, is_raw, seen));
         }
@@ -101,6 +110,7 @@ impl BoardTruth {
         Ok(BoardFinder {
             board: self.board,
             detector: PairDetector::new(self.board)?,
+            is_known: false,
             seen: Arc::clone(&self.seen),
         })
     }
