@@ -233,7 +233,7 @@ impl BlockShots {
         let places: BTreeSet<_> = samples.iter().map(|(place, _)| *place).collect();
         for (label, worst) in std::mem::take(&mut self.worst) {
             let own = pictures.entry(label).or_default();
-            for frame in worst.finish() {
+            for frame in worst.into_frames() {
                 let (frame, raw) = frame.replace(());
                 // Samples are of all algorithms that are pictured.
                 let picture = match places.contains(&frame.place) {
@@ -365,7 +365,7 @@ impl BlockShots {
         RawFrame { heading, shot }
     }
 
-    /// Takes the frame if it is one of the worst of its algorithm so far.
+    /// Takes the frame if it may be one of the worst of its algorithm.
     fn take_worst(
         &mut self,
         place: u64,
@@ -373,27 +373,22 @@ impl BlockShots {
         judged: &Judged,
         scored: &JudgedEstimate,
     ) {
-        let label = &scored.estimate.algorithm;
-        let takes = |badness: &Badness| {
-            let own = self.worst.get(label);
-            own.is_none_or(|own| own.takes(badness))
-        };
-        let Some(badness) = badness(scored, self.cells).filter(takes) else {
+        let Some(badness) = badness(scored, self.cells) else {
             return;
         };
         let is_scene = scene_name(identity, judged).is_some();
-        let picture = self.raw_frame(place, identity, judged, scored);
-        self.worst
-            .entry(label.clone())
-            .or_default()
-            .add(WorstFrame {
-                badness,
-                // The report knows the place of the run.
-                run: 0,
-                place,
-                stamp_ns: (!is_scene).then_some(judged.frame.stamp_ns),
-                picture,
-            });
+        let frame = WorstFrame {
+            badness,
+            // The report knows the place of the run.
+            run: 0,
+            place,
+            stamp_ns: (!is_scene).then_some(judged.frame.stamp_ns),
+            picture: (),
+        };
+        let label = &scored.estimate.algorithm;
+        let mut worst = self.worst.remove(label).unwrap_or_default();
+        worst.add(frame, || self.raw_frame(place, identity, judged, scored));
+        self.worst.insert(label.clone(), worst);
     }
 
     /// The heading of a frame, without its shots.

@@ -177,16 +177,16 @@ impl ChosenPictures {
             Some(first + place as u64)
         };
         for frame in &pictures.worst {
-            let own = self.worst.entry(unit.label.clone()).or_default();
-            if !own.takes(&frame.badness) {
-                continue;
-            }
             if let Some(picture) = pictures.worst_picture(frame) {
-                own.add(WorstFrame {
-                    picture,
+                let frame = WorstFrame {
+                    badness: frame.badness,
                     run,
-                    ..*frame
-                });
+                    place: frame.place,
+                    stamp_ns: frame.stamp_ns,
+                    picture: (),
+                };
+                let own = self.worst.entry(unit.label.clone()).or_default();
+                own.add(frame, || picture);
             }
         }
         for shot in pictures.checkpoints {
