@@ -188,15 +188,10 @@ mod tests {
             .chain(by_command)
             .filter_map(|own| own.get_long().map(|name| format!("--{name}")))
             .collect();
-        for (synonym, cure) in usage::OPTION_SYNONYMS {
-            let named = cure
-                .split([' ', ',', ';'])
-                .filter(|word| word.starts_with("--"));
-            for option in named {
-                assert!(
-                    options.iter().any(|own| own == option),
-                    "{synonym}: {option}"
-                );
+        for (synonyms, _, cure) in usage::OPTION_SYNONYMS {
+            for option in usage::cured_by(cure) {
+                let is_known = option.len() == 2 || options.iter().any(|own| own == option);
+                assert!(is_known, "{synonyms:?}: {option}");
             }
         }
     }

@@ -11,11 +11,11 @@ use svl_files::overlay::{self, Mark, NO_DISPARITY, Nearness, Picture, errors};
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
 use svl_report::units::{
-    Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
+    BLOCK, Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
 };
 use svl_score::judge::{
-    Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate, MetricSource as _,
-    TrueCells,
+    AreaChoice, Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate,
+    MetricSource as _, TrueCells,
 };
 
 /// Largest width of a frame's picture, pixels.
@@ -39,8 +39,9 @@ pub(super) struct BlockShots {
     tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
     /// Frames spread over a recording or a data set, by their places: of each algorithm a shot.
     samples: Vec<(u64, Vec<RawFrame>)>,
-    /// The worst frames by algorithm.
-    worst: BTreeMap<String, WorstFrames<RawFrame>>,
+    /// By algorithm the last block, and the worst frames of it and of all blocks before it without a
+    /// gap, whose pictures were taken.
+    worst: BTreeMap<String, (u64, WorstFrames<Option<RawFrame>>)>,
     /// What the shots of the frame at a place share.
     shared: Option<(u64, Arc<SharedFrame>)>,
 }
@@ -231,9 +232,9 @@ impl BlockShots {
         }
         let samples = std::mem::take(&mut self.samples);
         let places: BTreeSet<_> = samples.iter().map(|(place, _)| *place).collect();
-        for (label, worst) in std::mem::take(&mut self.worst) {
-            let own = pictures.entry(label).or_default();
-            for frame in worst.finish() {
+        for (label, (_, worst)) in &mut self.worst {
+            let own = pictures.entry(label.clone()).or_default();
+            for frame in worst.take_pictures() {
                 let (frame, raw) = frame.replace(());
                 // Samples are of all algorithms that are pictured.
                 let picture = match places.contains(&frame.place) {
@@ -365,7 +366,7 @@ impl BlockShots {
         RawFrame { heading, shot }
     }
 
-    /// Takes the frame if it is one of the worst of its algorithm so far.
+    /// Takes the frame if it may be one of the worst of its algorithm.
     fn take_worst(
         &mut self,
         place: u64,
@@ -373,27 +374,26 @@ impl BlockShots {
         judged: &Judged,
         scored: &JudgedEstimate,
     ) {
-        let label = &scored.estimate.algorithm;
-        let takes = |badness: &Badness| {
-            let own = self.worst.get(label);
-            own.is_none_or(|own| own.takes(badness))
-        };
-        let Some(badness) = badness(scored, self.cells).filter(takes) else {
+        let Some(badness) = badness(scored, self.cells) else {
             return;
         };
         let is_scene = scene_name(identity, judged).is_some();
-        let picture = self.raw_frame(place, identity, judged, scored);
-        self.worst
-            .entry(label.clone())
-            .or_default()
-            .add(WorstFrame {
-                badness,
-                // The report knows the place of the run.
-                run: 0,
-                place,
-                stamp_ns: (!is_scene).then_some(judged.frame.stamp_ns),
-                picture,
-            });
+        let frame = WorstFrame {
+            badness,
+            // The report knows the place of the run.
+            run: 0,
+            place,
+            stamp_ns: (!is_scene).then_some(judged.frame.stamp_ns),
+            picture: (),
+        };
+        let (label, block) = (&scored.estimate.algorithm, place / BLOCK);
+        let known = self.worst.remove(label);
+        let known = known.filter(|(last, _)| block <= last + 1);
+        let (_, mut worst) = known.unwrap_or_default();
+        worst.add(frame, || {
+            Some(self.raw_frame(place, identity, judged, scored))
+        });
+        self.worst.insert(label.clone(), (block, worst));
     }
 
     /// The heading of a frame, without its shots.
@@ -428,10 +428,12 @@ fn scene_name<'a>(identity: &RowIdentity, judged: &'a Judged) -> Option<&'a Stri
     name.filter(|_| identity.run.is_none())
 }
 
-/// Missed and wrong cells and the largest error of an algorithm; absent without truth.
+/// Missed cells, and the wrong ones of the headline's area with their largest error; absent without
+/// truth.
 fn badness(scored: &JudgedEstimate, rule: CellRule) -> Option<Badness> {
     let cells = scored.cells.as_ref()?;
     let errors = cells.iter().zip(scored.estimate.grid.iter());
+    let errors = errors.filter(|(judged, _)| AreaChoice::default().has(judged.area));
     let errors = errors.filter_map(|(judged, (_, cell))| judged.error_in_tolerances(cell, rule));
     Some(Badness {
         missed: cells.iter().filter(|cell| cell.near.missed).count() as u64,

@@ -53,63 +53,87 @@ pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
     ("gate", &["score --gate", "report --gate"]),
 ];
 
-/// Options in other programs, or of another command, and what does the same here.
-pub(crate) const OPTION_SYNONYMS: &[(&str, &str)] = &[
-    ("--algorithm", "--algo"),
+/// Options in other programs, or of another command, and what does the same here: the first cure of
+/// a command, or of any, whose options the command has. What is in backquotes is another command.
+pub(crate) const OPTION_SYNONYMS: &[(&[&str], &str, &str)] = &[
     (
-        "--baseline",
-        "`svl compare BASE OTHER` for a report, --calib for cameras",
+        &["--algo"],
+        "compare",
+        "BASE#ALGORITHM in the place of BASE",
     ),
-    ("--camera", "--calib"),
-    ("--ci", "--gate, --junit FILE.xml"),
+    (&["--algorithm", "--matcher", "--method"], "", "--algo"),
     (
-        "--dataset",
+        &["--baseline"],
+        "",
+        "`svl compare BASE OTHER` for a report, `--calib` for cameras",
+    ),
+    (&["--bins"], "", "--ranges"),
+    (&["--camera"], "", "--calib"),
+    (&["--ci", "--gate"], "compare", "--fail-on"),
+    (&["--ci"], "", "--gate, --junit FILE.xml"),
+    (&["--ci", "--gate"], "", "`svl score --gate`"),
+    (
+        &["--dataset"],
+        "",
         "the folder without an option: `svl score FOLDER`",
     ),
     (
-        "--depth",
+        &["--depth"],
+        "",
         "--truth for the truth, --algo topic:… for a contestant",
     ),
-    ("--end", "--to"),
-    ("--format", "--json, --markdown, or the ending of -o"),
-    ("--frame", "--from, --to"),
-    ("--frames", "--every, --from, --to"),
-    ("--ground-truth", "--truth"),
-    ("--gt", "--truth"),
-    ("--jobs", "--threads"),
-    ("-j", "--threads"),
-    ("--html", "-o: index.html in that folder is the page"),
+    (&["--end"], "", "--to"),
+    (&["--format"], "", "--json, --markdown, or the ending of -o"),
+    (&["--format"], "", "--json, or the ending of -o"),
+    (&["--frame", "--limit", "--max-frames"], "", "--frames"),
     (
-        "--left",
+        &["--frame", "--frames", "--limit", "--max-frames"],
+        "",
+        "--every, --from, --to",
+    ),
+    (&["--grid"], "", "--cells"),
+    (&["--ground-truth", "--gt"], "", "--truth"),
+    (&["--jobs", "-j"], "", "--threads"),
+    (&["--html"], "compare", "-o COMPARISON.html"),
+    (
+        &["--html"],
+        "score",
+        "-o: index.html in that folder is the page",
+    ),
+    (
+        &["--html"],
+        "report",
+        "index.html in the folder is the page",
+    ),
+    (&["--html"], "", "`svl score` writes a page"),
+    (
+        &["--left", "--right"],
+        "",
         "the images without an option: `svl match LEFT RIGHT`",
     ),
     (
-        "--right",
-        "the images without an option: `svl match LEFT RIGHT`",
-    ),
-    ("--limit", "--every, --from, --to"),
-    ("--max-frames", "--every, --from, --to"),
-    ("--matcher", "--algo"),
-    ("--method", "--algo"),
-    ("--max-disparity", "a parameter: --algo bm:max_disparity=64"),
-    ("--max-disp", "a parameter: --algo bm:max_disparity=64"),
-    ("--near", "--near of `svl score`"),
-    (
-        "--num-disparities",
+        &[
+            "--disparities",
+            "--max-disp",
+            "--max-disparity",
+            "--num-disparities",
+        ],
+        "",
         "a parameter: --algo bm:max_disparity=64",
     ),
-    ("--out", "-o"),
-    ("--outdir", "-o"),
-    ("--output-dir", "-o"),
-    ("--pdf", "index.html of the report, printed by a browser"),
-    ("--rate", "--fps"),
-    ("--skip", "--from"),
-    ("--start", "--from"),
-    ("--step", "--every"),
-    ("--stride", "--every"),
-    ("--threshold", "--tolerance"),
-    ("--topic", "--left, --right, --truth"),
-    ("--topics", "--left, --right, --truth"),
+    (&["--near"], "", "`svl score --near`"),
+    (&["--out", "--outdir", "--output-dir"], "", "-o"),
+    (&["--pdf"], "", "the page, printed by a browser"),
+    (
+        &["--ranges"],
+        "",
+        "`svl score --ranges` into the same folder",
+    ),
+    (&["--rate"], "", "--fps"),
+    (&["--skip", "--start"], "", "--from"),
+    (&["--step", "--stride"], "", "--every"),
+    (&["--threshold"], "", "--tolerance"),
+    (&["--topic", "--topics"], "", "--left, --right, --truth"),
 ];
 
 /// Names in use elsewhere, and the algorithms of that kind. OpenCV's own run as programs.
@@ -204,11 +228,9 @@ fn similar(error: &Error, program: &Command) -> Option<String> {
     let context = |kind| error.get(kind).map(ToString::to_string);
     if let Some(option) = context(ContextKind::InvalidArg) {
         let option = option.split(['=', ' ']).next().unwrap_or_default();
-        let mut synonyms = OPTION_SYNONYMS.iter();
-        let found = synonyms.find(|(synonym, _)| *synonym == option);
-        return found
-            .filter(|_| error.kind() == ErrorKind::UnknownArgument)
-            .map(|(_, cure)| (*cure).to_owned());
+        let is_unknown = error.kind() == ErrorKind::UnknownArgument;
+        let usage = context(ContextKind::Usage).filter(|_| is_unknown)?;
+        return option_cure(option, &usage, program).map(str::to_owned);
     }
     let name = context(ContextKind::InvalidSubcommand)?;
     // `Usage: svl label [OPTIONS] <COMMAND>`
@@ -224,6 +246,37 @@ fn similar(error: &Error, program: &Command) -> Option<String> {
     let inner = command.get_subcommands().map(Command::get_name);
     let inner = inner.map(|inner| format!("svl {} {inner} {name}", command.get_name()));
     Some(alternatives(&inner.collect::<Vec<_>>()))
+}
+
+/// The cure for an option that a command does not have. `usage`: its usage.
+fn option_cure(option: &str, usage: &str, program: &Command) -> Option<&'static str> {
+    let mut words = usage.split_whitespace().skip_while(|word| *word != "svl");
+    let mut command = words.next().map(|_| program)?;
+    while let Some(inner) = words.next().and_then(|word| command.find_subcommand(word)) {
+        command = inner;
+    }
+    let options = command.get_arguments().chain(program.get_arguments());
+    let options: Vec<_> = options
+        .flat_map(|own| {
+            let long = own.get_long().map(|long| format!("--{long}"));
+            long.into_iter()
+                .chain(own.get_short().map(|c| format!("-{c}")))
+        })
+        .collect();
+    let mut synonyms = OPTION_SYNONYMS.iter();
+    let found = synonyms.find(|(names, own, cure)| {
+        let has = |name: &str| options.iter().any(|own| own == name);
+        let is_own = own.is_empty() || *own == command.get_name();
+        names.contains(&option) && is_own && cured_by(cure).all(has)
+    });
+    found.map(|(.., cure)| *cure)
+}
+
+/// The options that a cure names of the command itself.
+pub(crate) fn cured_by(cure: &str) -> impl Iterator<Item = &str> {
+    let outside = cure.split('`').step_by(2);
+    let words = outside.flat_map(|part| part.split([' ', ',', ';', ':']));
+    words.filter(|word| word.starts_with('-'))
 }
 
 /// The line of an error, in which the name of an algorithm elsewhere has those of its kind.

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 /// Algorithms after which the colours repeat.
-pub const COLOR_COUNT: usize = 7;
+pub const COLOR_COUNT: usize = 8;
 
 /// Colours that remain apart for the colour-blind (after Okabe and Ito, "Color Universal Design",
 /// 2008), with a contrast of 3 on white paper and on a dark ground.
@@ -16,13 +16,14 @@ const COLORS: [[u8; 3]; COLOR_COUNT] = [
     [0xc2, 0x8a, 0x00],
     [0x8a, 0x6f, 0xd8],
     [0x3d, 0x9b, 0xd4],
+    [0x99, 0x5c, 0x50],
 ];
 
 /// Colour of the references that look at no image.
 pub const REFERENCE_COLOR: [u8; 3] = [0x80; 3];
 
 /// The algorithms whose first setting always has the colour at its place here.
-const FIXED: [&str; COLOR_COUNT] = ["v5", "sgm", "bm", "v3", "v1", "v2", "dp"];
+const FIXED: [&str; COLOR_COUNT] = ["v5", "sgm", "bm", "v3", "v1", "v2", "dp", "v4"];
 
 /// Colour at that place; colours repeat after [`COLOR_COUNT`].
 pub fn plot_color(place: usize) -> [u8; 3] {
@@ -97,7 +98,7 @@ mod tests {
                 assert!(contrast(color, ground) >= 3.0);
             }
         }
-        assert_eq!(plot_color(8), COLORS[1]);
+        assert_eq!(plot_color(9), COLORS[1]);
         assert_eq!([0.0, 1.0].map(parameter_color), [COLORS[0], COLORS[1]]);
     }
 

@@ -81,9 +81,12 @@ impl ScoredRun {
         let sources = Sources::read(folder).unwrap_or_default();
         if let Some(table) = sources.changed(folder, cells.is_some()) {
             let shown = folder.display();
+            let what = match folder.join(table).exists() {
+                true => "was changed after the report was made",
+                false => "is not there",
+            };
             return Err(Error::Invalid(format!(
-                "{shown}/{table}: was changed after the report was made; `svl report {shown}` \
-                 makes it again"
+                "{shown}/{table}: {what}; `svl report {shown}` makes it again"
             )));
         }
         let summary = folder.join("summary.json");

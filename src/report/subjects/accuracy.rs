@@ -297,11 +297,20 @@ type NarrowRange = (usize, usize);
 /// The errors of an algorithm.
 #[derive(Default)]
 struct AlgorithmErrors {
-    /// By [`AreaChoice`] and narrow range.
+    /// By [`AreaChoice`] and narrow range: each cell once, in the part that it is of, else in all.
     areas: [BTreeMap<NarrowRange, RangeErrors>; AreaChoice::ALL.len()],
     pixels: PixelErrors,
     /// By column and row.
     last: BTreeMap<(u32, u32), LastCell>,
+}
+
+impl AlgorithmErrors {
+    /// The errors of an area by narrow range.
+    fn ranges(&self, area: AreaChoice) -> impl Iterator<Item = (&NarrowRange, &RangeErrors)> {
+        let has = move |own: &AreaChoice| [*own, AreaChoice::All].contains(&area);
+        let areas = AreaChoice::ALL.into_iter().filter(has);
+        areas.flat_map(|own| &self.areas[own as usize])
+    }
 }
 
 impl AccuracyTally {
@@ -355,24 +364,22 @@ impl AccuracyTally {
             let before = own.last.get(&(cell.column, cell.row));
             let since = |before: &&LastCell| stamp_ns?.checked_sub(before.stamp_ns);
             let before = before.filter(|own| since(own).is_some_and(|ns| ns <= MAX_GAP_NS));
-            let areas = AreaChoice::ALL
-                .into_iter()
-                .filter(|area| area.has(cell.area));
-            for area in areas {
-                let errors = own.areas[area as usize].entry(range).or_default();
-                errors.true_m = true_m;
-                errors.scored += 1;
-                errors.sum_true_m += true_m;
-                errors.unknown += u64::from(!is_answer);
-                errors.known += u64::from(is_known);
-                errors.wrong += u64::from(cell.verdict == Verdict::Wrong);
-                if let Some(reported_m) = reported_m {
-                    errors.errors_m.push((reported_m - true_m) as f32);
-                    errors.relative += (reported_m - true_m).abs() / true_m;
-                }
-                if let Some(before) = before {
-                    errors.add_change(&self.rule, before, &now, self.pairs);
-                }
+            let mut parts = AreaChoice::PARTS.into_iter();
+            let area = parts.find(|area| area.has(cell.area));
+            let area = area.unwrap_or(AreaChoice::All);
+            let errors = own.areas[area as usize].entry(range).or_default();
+            errors.true_m = true_m;
+            errors.scored += 1;
+            errors.sum_true_m += true_m;
+            errors.unknown += u64::from(!is_answer);
+            errors.known += u64::from(is_known);
+            errors.wrong += u64::from(cell.verdict == Verdict::Wrong);
+            if let Some(reported_m) = reported_m {
+                errors.errors_m.push((reported_m - true_m) as f32);
+                errors.relative += (reported_m - true_m).abs() / true_m;
+            }
+            if let Some(before) = before {
+                errors.add_change(&self.rule, before, &now, self.pairs);
             }
             own.last.insert((cell.column, cell.row), now);
         }
@@ -385,10 +392,12 @@ impl AccuracyTally {
         let label = cells.first().map(|cell| cell.algorithm.as_str());
         let own = label.and_then(|label| self.algorithms.get_mut(label));
         own.map_or_else(PairErrors::default, |own| {
-            own.areas.each_mut().map(|area| {
-                let own = std::mem::take(area);
-                RangeErrors::merged(own.values())
-            })
+            let errors = AreaChoice::ALL.map(|area| {
+                let own = own.ranges(area).map(|(_, errors)| errors);
+                RangeErrors::merged(own)
+            });
+            own.areas = Default::default();
+            errors
         })
     }
 
@@ -404,7 +413,7 @@ impl AccuracyTally {
         let counts_in = |area: AreaChoice| {
             let mut counts: BTreeMap<usize, u64> = BTreeMap::new();
             let own = self.algorithms.values();
-            for ((range, _), errors) in own.flat_map(|own| &own.areas[area as usize]) {
+            for ((range, _), errors) in own.flat_map(|own| own.ranges(area)) {
                 *counts.entry(*range).or_default() += errors.scored;
             }
             counts
@@ -441,12 +450,12 @@ impl AccuracyTally {
                 });
                 rows.extend(own);
             };
-            for (area, own) in AreaChoice::ALL.into_iter().zip(&all.areas) {
+            for area in AreaChoice::ALL {
+                let own = || all.ranges(area).map(|(_, errors)| errors);
                 let inside = |range: DistanceRange| {
-                    let own = own.values();
-                    RangeErrors::merged(own.filter(|errors| range.has(errors.true_m)))
+                    RangeErrors::merged(own().filter(|errors| range.has(errors.true_m)))
                 };
-                if !own.is_empty() {
+                if own().next().is_some() {
                     push(&|range| inside(range).into_row(label, area, range));
                 }
             }

@@ -20,7 +20,7 @@ pub struct BlockPictures {
     pub samples: Vec<(u64, CheckpointFigure)>,
     /// Scenes by their places in the run.
     pub scenes: Vec<(u64, SceneFigure)>,
-    /// The algorithm's worst frames, the worst first.
+    /// The frames of the algorithm that may be its worst, by their places.
     pub worst: Vec<WorstFrame<WorstPicture>>,
 }
 

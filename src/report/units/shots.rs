@@ -1,7 +1,7 @@
 //! The pictures of a report, chosen from those of its units.
 
 use super::pictures::{BlockPictures, CheckpointShot};
-use super::plan::{BLOCK, ReportPlan};
+use super::plan::ReportPlan;
 use super::run_units::RunUnits;
 use super::store::Units;
 use super::unit::StoredUnit;
@@ -40,11 +40,15 @@ pub fn for_runs(
     for (i, run) in runs.iter().enumerate() {
         for unit in run.all() {
             if let Some(pictures) = unit.pictures()? {
-                chosen.add((i, run), unit, pictures);
+                chosen.add(i, unit, pictures);
             }
         }
+        // A run that was interrupted has as many pairs as are known.
+        let pairs = run.facts.pairs.len() as u64;
+        chosen.samples.end_run(pairs, MAX_SAMPLES);
+        chosen.scenes.end_run(pairs, MAX_SCENES);
     }
-    chosen.finish(plan, runs)
+    chosen.finish(plan)
 }
 
 /// The two seconds before the fastest collision of each algorithm, in the order of the labels.
@@ -151,10 +155,10 @@ type ShotPlace = (usize, u64);
 #[derive(Default)]
 struct ChosenPictures {
     checkpoints: Vec<Checkpoint>,
-    /// Shots that are chosen from, by checkpoint and algorithm, with run and place.
-    shots: BTreeMap<(u32, String), Vec<(ShotPlace, CheckpointShot)>>,
-    samples: BTreeMap<ShotPlace, CheckpointFigure>,
-    scenes: BTreeMap<ShotPlace, SceneFigure>,
+    /// The leading shots by checkpoint and algorithm.
+    shots: BTreeMap<(u32, String), CheckpointTally<CheckpointShot>>,
+    samples: SpreadPictures<CheckpointFigure>,
+    scenes: SpreadPictures<SceneFigure>,
     /// The worst frames by algorithm.
     worst: BTreeMap<String, WorstFrames<WorstPicture>>,
 }
@@ -168,53 +172,42 @@ impl ChosenPictures {
     }
 
     /// Adds the pictures of a unit of a run, with the place of the run.
-    fn add(&mut self, (run, own): (usize, &RunUnits), unit: &StoredUnit, pictures: BlockPictures) {
-        let first = unit.block * BLOCK;
-        let pairs = own.facts.pairs.iter().skip(first as usize);
-        let pairs = pairs.take(BLOCK as usize);
-        let place = |sequence: u64| {
-            let place = pairs.clone().position(|pair| pair.sequence == sequence)?;
-            Some(first + place as u64)
-        };
+    fn add(&mut self, run: usize, unit: &StoredUnit, mut pictures: BlockPictures) {
         for frame in &pictures.worst {
-            let own = self.worst.entry(unit.label.clone()).or_default();
-            if !own.takes(&frame.badness) {
-                continue;
-            }
             if let Some(picture) = pictures.worst_picture(frame) {
-                own.add(WorstFrame {
-                    picture,
+                let frame = WorstFrame {
+                    badness: frame.badness,
                     run,
-                    ..*frame
-                });
+                    place: frame.place,
+                    stamp_ns: frame.stamp_ns,
+                    picture: (),
+                };
+                let own = self.worst.entry(unit.label.clone()).or_default();
+                own.add(frame, || picture);
             }
         }
+        // The first of equal ones leads.
+        pictures.checkpoints.sort_by_key(|shot| shot.sequence);
         for shot in pictures.checkpoints {
-            if let Some(place) = place(shot.sequence) {
-                let key = (shot.checkpoint, shot.algorithm.clone());
-                let shots = self.shots.entry(key).or_default();
-                shots.push(((run, place), shot));
-            }
+            let key = (shot.checkpoint, shot.algorithm.clone());
+            let tally = self.shots.entry(key).or_default();
+            tally.add(shot.frame, || shot.clone());
         }
         for (place, figure) in pictures.samples {
-            match self.samples.get_mut(&(run, place)) {
+            match self.samples.run.get_mut(&(run, place)) {
                 Some(own) => own.shots.extend(figure.shots),
-                None => drop(self.samples.insert((run, place), figure)),
+                None => drop(self.samples.run.insert((run, place), figure)),
             }
         }
         for (place, scene) in pictures.scenes {
-            match self.scenes.get_mut(&(run, place)) {
+            match self.scenes.run.get_mut(&(run, place)) {
                 Some(own) => own.shots.extend(scene.shots),
-                None => drop(self.scenes.insert((run, place), scene)),
+                None => drop(self.scenes.run.insert((run, place), scene)),
             }
         }
     }
 
-    fn finish(
-        mut self,
-        plan: &ReportPlan,
-        runs: &[RunUnits],
-    ) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+    fn finish(mut self, plan: &ReportPlan) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
         let (labels, pictured) = (plan.labels(), plan.pictured());
         let order = |label: &str| labels.iter().position(|own| *own == label);
         let checkpoints = std::mem::take(&mut self.checkpoints);
@@ -222,7 +215,11 @@ impl ChosenPictures {
             let mut shots = Vec::new();
             for label in &pictured {
                 let key = (checkpoint.number, (*label).to_owned());
-                shots.extend(leading(self.shots.remove(&key).unwrap_or_default())?);
+                let tally = self.shots.remove(&key).unwrap_or_default();
+                for (rank, lead) in [(Rank::Worst, tally.worst), (Rank::Best, tally.best)] {
+                    let shot = lead.map(|(shot, _)| shot.shot()).transpose()?;
+                    shots.extend(shot.map(|shot| (rank, shot)));
+                }
             }
             Ok(CheckpointFigure {
                 checkpoint: Some(checkpoint.number),
@@ -235,8 +232,8 @@ impl ChosenPictures {
         let figures = checkpoints.into_iter().map(figure);
         let mut figures = figures.collect::<Result<Vec<_>>>()?;
         let is_pictured = |row: &Row| pictured.contains(&row.algorithm.as_str());
-        let mut samples = spread(self.samples, runs, MAX_SAMPLES);
-        let mut scenes = spread(self.scenes, runs, MAX_SCENES);
+        let mut samples = self.samples.into_kept();
+        let mut scenes = self.scenes.into_kept();
         for (_, worst) in std::mem::take(&mut self.worst) {
             for (rank, frame) in (1..).zip(worst.finish()) {
                 let place = (frame.run, frame.place);
@@ -309,28 +306,43 @@ fn add_scene(
 }
 
 /// Pictures that are spread evenly over each run, and, if these are too many, over all runs.
-fn spread<T>(all: BTreeMap<ShotPlace, T>, runs: &[RunUnits], limit: u64) -> BTreeMap<ShotPlace, T> {
-    // A run that was interrupted has as many pairs as are known.
-    let pairs = |run: usize| runs[run].facts.pairs.len() as u64;
-    let on_stride = |(run, place): &ShotPlace| place.is_multiple_of(stride(pairs(*run), limit));
-    let kept = all.into_iter().filter(|(key, _)| on_stride(key));
-    let kept: Vec<_> = kept.collect();
-    let step = stride(kept.len() as u64, limit) as usize;
-    kept.into_iter().step_by(step).collect()
+struct SpreadPictures<T> {
+    /// Those of the run that is read.
+    run: BTreeMap<ShotPlace, T>,
+    /// Those of the runs before, with their numbers among all.
+    kept: Vec<(u64, ShotPlace, T)>,
+    count: u64,
 }
 
-/// The worst and the best frame of a checkpoint: of equal ones the first.
-fn leading(mut shots: Vec<(ShotPlace, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
-    shots.sort_by_key(|(place, _)| *place);
-    let mut tally = CheckpointTally::default();
-    for (i, (_, shot)) in shots.iter().enumerate() {
-        tally.add(shot.frame, || i);
+impl<T> Default for SpreadPictures<T> {
+    fn default() -> Self {
+        Self {
+            run: BTreeMap::new(),
+            kept: Vec::new(),
+            count: 0,
+        }
     }
-    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)].into_iter();
-    let leading = leading.filter_map(|(rank, lead)| Some((rank, lead?.0)));
-    leading
-        .map(|(rank, i)| Ok((rank, shots[i].1.shot()?)))
-        .collect()
+}
+
+impl<T> SpreadPictures<T> {
+    /// Keeps at most `limit` pictures of a run with that number of pairs, and of all.
+    fn end_run(&mut self, pairs: u64, limit: u64) {
+        let step = stride(pairs, limit);
+        for (place, picture) in std::mem::take(&mut self.run) {
+            if place.1.is_multiple_of(step) {
+                self.kept.push((self.count, place, picture));
+                self.count += 1;
+            }
+        }
+        // Later strides are multiples of this one.
+        let step = stride(self.count, limit);
+        self.kept.retain(|(number, ..)| number.is_multiple_of(step));
+    }
+
+    fn into_kept(self) -> BTreeMap<ShotPlace, T> {
+        let kept = self.kept.into_iter();
+        kept.map(|(_, place, picture)| (place, picture)).collect()
+    }
 }
 
 #[cfg(test)]

@@ -6,9 +6,6 @@ use std::cmp::Ordering;
 
 /// The number of frames of an algorithm that a unit and a page show as its worst.
 pub const MAX_WORST: usize = 5;
-/// Frames that a choice keeps while more may come: a later, worse one within a second takes the
-/// place of one that hid others.
-const MAX_KEPT: usize = MAX_WORST + 8;
 /// No two of the frames of a recording are within this time.
 const MIN_APART_NS: u64 = 1_000_000_000;
 
@@ -44,6 +41,19 @@ pub struct WorstFrame<T> {
 }
 
 impl<T> WorstFrame<T> {
+    /// The worse is the less, and of equal ones the first.
+    fn order<U>(&self, other: &WorstFrame<U>) -> Ordering {
+        let places = (self.run, self.place).cmp(&(other.run, other.place));
+        other.badness.order(&self.badness).then(places)
+    }
+
+    fn moment(&self) -> Moment {
+        Moment {
+            run: self.run,
+            stamp_ns: self.stamp_ns,
+        }
+    }
+
     /// The frame with that picture, and its own.
     pub fn replace<U>(self, picture: U) -> (WorstFrame<U>, T) {
         let frame = WorstFrame {
@@ -66,64 +76,129 @@ pub enum WorstPicture {
     Sample,
 }
 
-/// The worst of frames that come one by one.
-pub struct WorstFrames<T>(Vec<WorstFrame<T>>);
+/// The worst of frames that come one by one, those of a run in the order of their stamps. Each is
+/// a second away from all worse ones of its run that are chosen. What is kept is all that may be
+/// chosen, whatever comes before the first frame of the run or after the last one.
+pub struct WorstFrames<T> {
+    /// The worst first; of equal ones the first leads.
+    frames: Vec<WorstFrame<T>>,
+    /// The last run, and its first and last stamp.
+    run: Option<(usize, [u64; 2])>,
+}
 
 impl<T> Default for WorstFrames<T> {
     fn default() -> Self {
-        Self(Vec::new())
+        Self {
+            frames: Vec::new(),
+            run: None,
+        }
     }
 }
 
 impl<T> WorstFrames<T> {
-    /// True if a frame that is so bad may be one of the worst: never one without a missed or wrong
-    /// cell.
-    pub fn takes(&self, badness: &Badness) -> bool {
-        let is_worse = |own: &WorstFrame<T>| badness.order(&own.badness).is_gt();
-        // Neighbours of worse frames fill no place.
-        let is_full = self.0.len() >= MAX_KEPT && self.chosen().len() == MAX_WORST;
-        let is_bad = badness.missed + badness.wrong > 0;
-        is_bad && (!is_full || self.0.iter().any(is_worse))
-    }
-
-    /// Adds a frame.
-    pub fn add(&mut self, frame: WorstFrame<T>) {
-        self.0.push(frame);
-        // The first of equal ones leads.
-        self.0.sort_by(|a, b| {
-            let places = (a.run, a.place).cmp(&(b.run, b.place));
-            b.badness.order(&a.badness).then(places)
-        });
-        if self.0.len() > MAX_KEPT {
-            let chosen = self.chosen();
-            let last = (0..self.0.len()).rfind(|i| !chosen.contains(i));
-            self.0.remove(last.unwrap_or(MAX_KEPT));
+    /// Takes a frame if it may be one of the worst: never one without a missed or wrong cell.
+    pub fn add(&mut self, frame: WorstFrame<()>, picture: impl FnOnce() -> T) {
+        if let Some(now) = frame.stamp_ns {
+            let known = self.run.filter(|(run, _)| *run == frame.run);
+            let (_, [first, last]) = known.unwrap_or((frame.run, [now; 2]));
+            self.run = Some((frame.run, [first.min(now), last.max(now)]));
+        }
+        if frame.badness.missed + frame.badness.wrong == 0 {
+            return;
+        }
+        let worse = |own: &WorstFrame<T>| own.order(&frame).is_lt();
+        let place = self.frames.partition_point(worse);
+        let mut moments: Vec<_> = self.frames.iter().map(WorstFrame::moment).collect();
+        moments.insert(place, frame.moment());
+        let mut needed = self.needed(&moments);
+        if needed.remove(place) {
+            let mut needed = needed.into_iter();
+            self.frames.retain(|_| needed.next().unwrap_or_default());
+            let place = self.frames.partition_point(|own| own.order(&frame).is_lt());
+            self.frames.insert(place, frame.replace(picture()).0);
         }
     }
 
-    /// The frames that are left in the end, the worst first.
+    /// The frames that are chosen if no others come, the worst first.
     pub fn finish(self) -> Vec<WorstFrame<T>> {
-        let chosen = self.chosen();
-        let all = self.0.into_iter().enumerate();
-        let chosen = all.filter(|(i, _)| chosen.contains(i));
-        chosen.map(|(_, frame)| frame).collect()
-    }
-
-    /// The places of the worst, each a second away from all worse ones of its run.
-    fn chosen(&self) -> Vec<usize> {
-        let mut chosen: Vec<usize> = Vec::new();
-        for (i, frame) in self.0.iter().enumerate() {
-            let is_near = |other: &usize| {
-                let other = &self.0[*other];
-                let stamps = other.stamp_ns.zip(frame.stamp_ns);
-                let apart_ns = stamps.map(|(a, b)| a.abs_diff(b));
-                other.run == frame.run && apart_ns.is_some_and(|ns| ns < MIN_APART_NS)
-            };
-            if chosen.len() < MAX_WORST && !chosen.iter().any(is_near) {
-                chosen.push(i);
+        let mut chosen: Vec<WorstFrame<T>> = Vec::new();
+        for frame in self.frames {
+            let mut others = chosen.iter().map(WorstFrame::moment);
+            if chosen.len() < MAX_WORST && !others.any(|own| own.is_near(&frame.moment())) {
+                chosen.push(frame);
             }
         }
         chosen
+    }
+
+    /// Per frame, the worst first, if it may be chosen, whatever other frames there are.
+    fn needed(&self, moments: &[Moment]) -> Vec<bool> {
+        let mut needed: Vec<bool> = Vec::new();
+        let mut certain = 0;
+        for (i, own) in moments.iter().enumerate() {
+            // The kept ones that are worse than a frame and may hide it.
+            let near = |i: usize| {
+                let worse = needed.iter().take(i).enumerate();
+                let kept = worse.filter(|(_, is_needed)| **is_needed).map(|(j, _)| j);
+                kept.filter(move |j| moments[*j].is_near(&moments[i]))
+            };
+            // Another frame hides it, or is hidden by one that hides this one, too.
+            let is_hidden = near(i).any(|j| {
+                let [before, after] = self.open_sides(&moments[j]);
+                let is_between = (!before || own.stamp_ns <= moments[j].stamp_ns)
+                    && (!after || own.stamp_ns >= moments[j].stamp_ns);
+                is_between && near(j).all(|h| moments[h].is_near(own))
+            });
+            let is_needed = !is_hidden && certain < MAX_WORST;
+            if is_needed && near(i).next().is_none() && self.open_sides(own) == [false; 2] {
+                certain += 1;
+            }
+            needed.push(is_needed);
+        }
+        needed
+    }
+
+    /// True if a frame before the first of its run, or after the last, may be near.
+    fn open_sides(&self, own: &Moment) -> [bool; 2] {
+        let run = self.run.filter(|(run, _)| *run == own.run);
+        let ends = run.zip(own.stamp_ns);
+        ends.map_or([false; 2], |((_, ends), stamp_ns)| {
+            ends.map(|end| end.abs_diff(stamp_ns) < MIN_APART_NS)
+        })
+    }
+}
+
+impl<T> WorstFrames<Option<T>> {
+    /// The frames that may be chosen in the end, and whose pictures were not taken before, in the
+    /// order in which they came.
+    pub fn take_pictures(&mut self) -> Vec<WorstFrame<T>> {
+        let frames = self.frames.iter_mut().filter_map(|frame| {
+            Some(WorstFrame {
+                badness: frame.badness,
+                run: frame.run,
+                place: frame.place,
+                stamp_ns: frame.stamp_ns,
+                picture: frame.picture.take()?,
+            })
+        });
+        let mut frames: Vec<_> = frames.collect();
+        frames.sort_by_key(|frame| (frame.run, frame.place));
+        frames
+    }
+}
+
+/// The run of a frame, and its stamp, if it follows others.
+#[derive(Clone, Copy)]
+struct Moment {
+    run: usize,
+    stamp_ns: Option<u64>,
+}
+
+impl Moment {
+    fn is_near(&self, other: &Self) -> bool {
+        let stamps = self.stamp_ns.zip(other.stamp_ns);
+        let apart_ns = stamps.map(|(a, b)| a.abs_diff(b));
+        self.run == other.run && apart_ns.is_some_and(|ns| ns < MIN_APART_NS)
     }
 }
 
@@ -132,25 +207,42 @@ mod tests {
     use super::*;
     use std::cmp::Reverse;
 
-    fn chosen(frames: &[(u64, u64)]) -> Vec<(u64, u64)> {
-        let mut worst = WorstFrames::default();
-        for (place, &(tenths, wrong)) in frames.iter().enumerate() {
-            let badness = Badness {
-                wrong,
-                ..Badness::default()
-            };
-            if worst.takes(&badness) {
-                worst.add(WorstFrame {
-                    badness,
+    /// The frames of a run that are chosen, in blocks of that many, by tenths of a second and
+    /// number of wrong cells; and the most that a block keeps. `restarts`: each block is of another
+    /// session.
+    fn chosen_in(frames: &[(u64, u64)], block: usize, restarts: bool) -> (Vec<(u64, u64)>, usize) {
+        let (mut all, mut worst) = (WorstFrames::default(), WorstFrames::default());
+        let mut most = 0;
+        for (number, own) in frames.chunks(block).enumerate() {
+            if restarts {
+                worst = WorstFrames::default();
+            }
+            for (i, &(tenths, wrong)) in own.iter().enumerate() {
+                let frame = WorstFrame {
+                    badness: Badness {
+                        wrong,
+                        ..Badness::default()
+                    },
                     run: 0,
-                    place: place as u64,
+                    place: (number * block + i) as u64,
                     stamp_ns: Some(tenths * 100_000_000),
-                    picture: (tenths, wrong),
-                });
+                    picture: (),
+                };
+                worst.add(frame, || Some((tenths, wrong)));
+            }
+            let own = worst.take_pictures();
+            most = most.max(own.len());
+            for frame in own {
+                let (frame, picture) = frame.replace(());
+                all.add(frame, || picture);
             }
         }
-        let worst = worst.finish().into_iter();
-        worst.map(|frame| frame.picture).collect()
+        let frames = all.finish().into_iter();
+        (frames.map(|frame| frame.picture).collect(), most)
+    }
+
+    fn chosen(frames: &[(u64, u64)]) -> Vec<(u64, u64)> {
+        chosen_in(frames, usize::MAX, false).0
     }
 
     #[test]
@@ -185,29 +277,47 @@ mod tests {
         assert!(order.is_sorted_by(|a, b| a.order(b).is_lt()));
     }
 
-    /// The choice is nearly that from all frames at once: the worst, and all others but one.
+    /// The choice from all frames at once, by sorting.
     #[test]
-    fn frames_one_by_one_are_those_of_all() {
+    fn frames_in_blocks_are_those_of_all() {
         let mut state = 1_u64;
-        for count in 0..60 {
-            let mut wrong = || {
-                state = state
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1);
-                1 + (state >> 33) % 40
-            };
-            let frames: Vec<_> = (0..count).map(|i| (4 * i, wrong())).collect();
+        let mut random = |limit: u64| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) % limit
+        };
+        let mut most = 0;
+        for round in 0..600 {
+            let (count, kinds, slow) = (random(200), 1 + random(40), round % 3);
+            let mut now = (0, 0);
+            let frames = (0..count).map(|_| {
+                now.0 += 1 + random(1 + 8 * (slow % 2));
+                // Neighbours are about as bad, or as bad as chance is.
+                let step = random(3) as i64 - 1;
+                let by_chance = slow == 2 || random(30) == 0;
+                now.1 = if by_chance {
+                    random(kinds) as i64
+                } else {
+                    (now.1 + step).max(0)
+                };
+                (now.0, now.1 as u64)
+            });
+            let frames: Vec<_> = frames.collect();
             let mut sorted = frames.clone();
+            sorted.retain(|(_, wrong)| *wrong > 0);
             sorted.sort_by_key(|(tenths, wrong)| (Reverse(*wrong), *tenths));
             let mut all: Vec<(u64, u64)> = Vec::new();
             for (tenths, wrong) in sorted {
                 let is_apart = all.iter().all(|(other, _)| other.abs_diff(tenths) >= 10);
                 all.extend((is_apart && all.len() < MAX_WORST).then_some((tenths, wrong)));
             }
-            let own = chosen(&frames);
-            assert_eq!(own.first(), all.first(), "{frames:?}");
-            let shared = own.iter().filter(|frame| all.contains(frame)).count();
-            assert!(shared + 1 >= all.len(), "{frames:?}");
+            for (block, restarts) in [(usize::MAX, false), (64, true), (64, false), (3, true)] {
+                let (own, kept) = chosen_in(&frames, block, restarts);
+                assert_eq!(own, all, "{block}: {frames:?}");
+                most = most.max(if block == 64 { kept } else { 0 });
+            }
         }
+        assert!(most < 30, "a block keeps {most}");
     }
 }

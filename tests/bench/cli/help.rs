@@ -221,7 +221,7 @@ fn an_unknown_name_has_suggestions_by_its_meaning() {
         gate r => 2: (did you mean 'score --gate' or 'report --gate'?)
         label run.mcap => 2: 'svl label checkpoints run.mcap' or 'svl label windows run.mcap'
         label nothing => 2: unrecognized subcommand 'nothing'; see
-        label --near 1 => 2: (did you mean --near of `svl score`?)
+        label --near 1 => 2: (did you mean `svl score --near`?)
         score r --gt x => 2: unexpected argument '--gt' found (did you mean --truth?); see
         score r --html=x => 2: index.html in that folder is the page
         score r --pdf => 2: printed by a browser

@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use svl_core::doubt::{Doubt, rounded};
 use svl_core::matcher;
 use svl_files::overlay::REFERENCE_COLOR;
-use svl_score::judge::{ColumnChoice, MetricSource as _};
+use svl_score::judge::{AreaChoice, ColumnChoice, MetricSource as _};
 use svl_score::manifest::AlgorithmRecord;
 use svl_score::notice::grouped;
 
@@ -67,6 +67,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
         drives => summary.drive_table(), cases => page.cases,
         recordings => summary.recording_table(), timeline, worst => worst(page),
+        is_other_area => summary.basis.area != AreaChoice::default(),
         stress_tables => summary.stress_tables(), trade_offs => trade_offs(page, &colors),
         speed_plots => speed(page, &colors), stress => stress(page, &colors),
         failed_maps => maps(page, &colors, Some(true)),
