@@ -68,17 +68,17 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13706),
+    ("bench", 13714),
     ("c", 478),
     ("calibrate", 4995),
-    ("cli", 11053),
+    ("cli", 11101),
     ("core", 19558),
-    ("files", 2551),
+    ("files", 2552),
     ("grab", 5131),
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 15367),
+    ("report", 15449),
     ("score", 8692),
     ("sim", 3510),
     ("thesis", 2644),

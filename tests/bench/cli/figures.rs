@@ -4,13 +4,13 @@ use super::fixture::{Fixture, assert_says};
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-const SCORE: &str = "score bag.mcap --algo bm:max_disparity=8 --algo v3:max_disparity=8 --stress \
+const SCORE: &str = "score bag.mcap --algo bm:max_disparity=48 --algo v3:max_disparity=48 --stress \
                      noise=4/8 -q --rerun none";
 
 /// A bag of the arena whose truth is named only on demand.
 fn bag() -> Fixture {
     let fixture = Fixture::new();
-    fixture.record("run.mcap", "arena --frames 12 --seed 7");
+    fixture.record("run.mcap", "arena --frames 24 --seed 7");
     fixture.run("record run.mcap --ros2 -q -o bag.mcap");
     fixture
 }
@@ -65,7 +65,7 @@ fn every_plot_of_the_page_is_a_file() {
     assert_eq!(page.matches("<svg class=\"plot\"").count(), names.len());
     let plot = fixture.text("out/figures/estimated-right-cells-against-time.svg");
     // Points of equal times share a title.
-    assert_says(&plot, &["bm:max_disparity=8", "\nmedian ms per pair: "]);
+    assert_says(&plot, &["bm:max_disparity=48", "\nmedian ms per pair: "]);
 
     // A merged page has its own.
     for i in 1..=2 {

@@ -185,11 +185,11 @@ fn other_sources_can_be_tuned_on() {
         &fixture.text("tuned.toml"),
         &["algorithms = [\"v3:min_disparity=1,max_disparity=16\", \"v3:max_disparity=16\"]"],
     );
-    // Without a truth, metrics that need none are shown.
+    // Without a truth, metrics that need none are shown; raw pairs have no estimates.
     for (side, shift) in [("left", 0), ("right", 3)] {
         let rows = (shift..shift + 160 * 120).map(|i| (i * 7919 % 251) as u8);
         let rows: Vec<u8> = rows.collect();
-        for i in 0..12 {
+        for i in 0..3 {
             std::fs::create_dir_all(fixture.path(&format!("pictures/{side}"))).unwrap();
             let name = format!("pictures/{side}/{i}.pgm");
             fixture.write(&name, super::fixture::pgm(160, 120, &rows));
@@ -201,7 +201,7 @@ fn other_sources_can_be_tuned_on() {
         "wait screen q",
     )
     .done();
-    assert_says(&text, &["estimated right", "coverage", "tolerance_px"]);
+    assert_says(&text, &["coverage", "tolerance_px"]);
     assert!(!text.contains("right  "), "{text}");
 }
 

@@ -56,9 +56,8 @@ impl Source for BoardSightings<'_> {
         if let Some(frame) = &frame {
             let finder = &mut self.finder;
             let [left, right] = finder.detector.find(&frame.pair);
-            let edge = |own: &Detection| {
-                unseen_edge(&finder.board, own.corners(), frame.pair.size())
-            };
+            let edge =
+                |own: &Detection| unseen_edge(&finder.board, own.corners(), frame.pair.size());
             let edges = [edge(&left), edge(&right)];
             let are_whole = [&left, &right].iter().all(|own| !own.corners().is_empty());
             finder.is_known |= are_whole && edges == [None; 2];
