@@ -701,9 +701,13 @@ impl Results {
     /// are not shown.
     pub(crate) fn shown_estimates(&self) -> Vec<&EstimateRow> {
         let is_estimated = |metric: &&Metric| metric.estimated().is_some();
-        let mut shown = self.shown.columns.metrics(self.kind()).into_iter();
-        let ranked = self.ranked_algorithms().into_iter();
-        let ranked = ranked.filter(|_| shown.any(|metric| is_estimated(&metric)));
+        let are_shown = self
+            .shown
+            .columns
+            .metrics(self.kind())
+            .iter()
+            .any(is_estimated);
+        let ranked = self.ranked_algorithms().into_iter().filter(|_| are_shown);
         let rows = ranked.filter_map(|a| self.estimate(&a.algorithm, self.basis.area));
         rows.collect()
     }
