@@ -39,8 +39,8 @@ pub(super) struct BlockShots {
     tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
     /// Frames spread over a recording or a data set, by their places: of each algorithm a shot.
     samples: Vec<(u64, Vec<RawFrame>)>,
-    /// By algorithm the last block, and the worst frames of it and of all blocks before it without a
-    /// gap, whose pictures were taken.
+    /// By algorithm the last block, and the worst frames of it and of all blocks before it without
+    /// a gap, whose pictures were taken.
     worst: BTreeMap<String, (u64, WorstFrames<Option<RawFrame>>)>,
     /// What the shots of the frame at a place share.
     shared: Option<(u64, Arc<SharedFrame>)>,

@@ -2,8 +2,7 @@
 
 use super::scored_run::ScoredRun;
 use crate::rows::held::RowRef;
-use crate::rows::records::MetricTotals;
-use crate::rows::samples::{runs, sample_in};
+use crate::rows::samples::{self, runs, sample_in};
 use crate::show::page::parts::fill;
 use crate::show::page::plot_view::PlotView;
 use crate::show::plot::chart::{Axis, Chart};
@@ -299,7 +298,7 @@ fn point(
         (metric.unit != MetricUnit::Ms).then_some(sample)
     })?;
     let (own, runs) = if drives.is_empty() {
-        let totals = MetricTotals::new(&rows);
+        let totals = samples::totals(&rows);
         (totals.measured(metric, run.area)?, runs(&rows))
     } else {
         let (value, cases) = (sample.total()?, Cases::items(sample.items() as u64));

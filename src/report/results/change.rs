@@ -2,8 +2,7 @@
 //! interval, and which of those that decide are real.
 
 use crate::rows::held::RowRef;
-use crate::rows::records::MetricTotals;
-use crate::rows::samples::{runs, sample_in};
+use crate::rows::samples::{self, runs, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
 use crate::subjects::witness::EstimateRow;
 use serde::Serialize;
@@ -161,7 +160,7 @@ impl Changes {
         runs: &RunLengths,
         metrics: impl IntoIterator<Item = &'static Metric>,
     ) -> Self {
-        let totals = rows.map(MetricTotals::new);
+        let totals = rows.map(samples::totals);
         let accuracy = errors.map(|both| both.each_ref().map(|own| RangeErrors::row_of(own, area)));
         let mut changes = Self::default();
         for metric in metrics {

@@ -22,7 +22,7 @@ pub struct RankedPairs {
 }
 
 /// The pairs of rows, each once, in ascending order.
-pub(super) type Pairs<'a> = Vec<(RunKey<'a>, u64)>;
+pub(super) type PairPlaces<'a> = Vec<(RunKey<'a>, u64)>;
 
 fn id(row: RowRef<'_>) -> (RunKey<'_>, u64) {
     (row.origin().run_key(), row.sequence())
@@ -30,12 +30,15 @@ fn id(row: RowRef<'_>) -> (RunKey<'_>, u64) {
 
 impl RankedPairs {
     /// The numbers, and the common pairs where the results are of these and not of all.
-    pub(super) fn new<'a>(rows: &'a Rows, failures: &'a [FailureRow]) -> (Self, Option<Pairs<'a>>) {
+    pub(super) fn new<'a>(
+        rows: &'a Rows,
+        failures: &'a [FailureRow],
+    ) -> (Self, Option<PairPlaces<'a>>) {
         let rows = || rows.iter().filter(|row| row.stress().is_none());
         let failures = || failures.iter().filter(|row| row.stress.is_none());
         let failed = |row: &'a FailureRow| ((row.seed, row.run.as_deref()), row.sequence);
         // The rows of a pair are neighbours.
-        let mut read: Pairs<'a> = Vec::new();
+        let mut read: PairPlaces<'a> = Vec::new();
         for pair in rows().map(id).chain(failures().map(failed)) {
             if read.last() != Some(&pair) {
                 read.push(pair);
@@ -62,7 +65,7 @@ impl RankedPairs {
         let ranked: Vec<_> = ranked.collect();
         let is_common = |place: &usize| ranked.iter().all(|own| own[*place]);
         let places = (0..read.len()).filter(|_| !ranked.is_empty());
-        let common: Pairs<'a> = places.filter(is_common).map(|place| read[place]).collect();
+        let common: PairPlaces<'a> = places.filter(is_common).map(|place| read[place]).collect();
         let counts = answered.iter().map(|(label, own)| (*label, count(own)));
         let partial = counts.filter(|(_, pairs)| *pairs < read.len());
         let own = Self {
@@ -89,7 +92,7 @@ impl RankedPairs {
 }
 
 /// The unperturbed rows of these pairs, or of all.
-pub(super) fn only<'a>(rows: &'a Rows, pairs: Option<&Pairs<'_>>) -> Vec<RowRef<'a>> {
+pub(super) fn only<'a>(rows: &'a Rows, pairs: Option<&PairPlaces<'_>>) -> Vec<RowRef<'a>> {
     let rows = rows.iter().filter(|row| row.stress().is_none());
     rows.filter(|row| pairs.is_none_or(|pairs| pairs.binary_search(&id(*row)).is_ok()))
         .collect()

@@ -4,8 +4,7 @@
 use super::change::{Change, Judgement, changes};
 use super::summary::{CheckpointSummary, ReportTables, Results};
 use crate::rows::held::Rows;
-use crate::rows::records::MetricTotals;
-use crate::rows::samples::{paired, runs, sample};
+use crate::rows::samples::{paired, runs, sample, totals};
 use crate::show::table::model::Table;
 use crate::subjects::drives::DriveRow;
 use crate::subjects::stress::{
@@ -176,7 +175,7 @@ fn pair_changes(rows: &Rows, label: &str, text: &str, metrics: &[&'static Metric
     let mut all = changes(&before, &now, metrics.iter().copied());
     let same = metrics.iter().find(|metric| metric.name == "same");
     all.extend(same.and_then(|same| {
-        let own = MetricTotals::new(&now).measured(same, AreaChoice::default())?;
+        let own = totals(&now).measured(same, AreaChoice::default())?;
         let value = same.value_of(own)?;
         let interval = sample(same, &now)?.interval(&runs(&now));
         // All cells are the same before; the difference that counts is that from the limit.

@@ -4,7 +4,7 @@ use super::best::{Best, SweepChoice, Unfit, by_algorithm};
 use super::common::{RankedPairs, only};
 use crate::rows::held::{RowRef, Rows};
 use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, record};
-use crate::rows::samples::grouped;
+use crate::rows::samples::{self, grouped};
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{self, DriveRow, DriveSummary, TrackRow};
 use crate::subjects::recordings::{RecordingSummary, recordings};
@@ -310,7 +310,7 @@ impl AlgorithmSummary {
         let summary = Self {
             algorithm: rows[0].algorithm().to_owned(),
             pairs: rows.len() as u64,
-            totals: MetricTotals::new(rows),
+            totals: samples::totals(rows),
             results_hash: Some(digest(rows.iter().map(|row| &*row.result_hash()))),
             ..Self::default()
         };

@@ -1,5 +1,5 @@
-//! The rows of pairs as a report holds them: by columns, so that those of millions of pairs fit into
-//! memory.
+//! The rows of pairs as a report holds them: by columns, so that those of millions of pairs fit
+//! into memory.
 
 use super::records::record;
 use std::collections::HashMap;

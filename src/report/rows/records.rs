@@ -4,7 +4,6 @@
 //! metric that needs ground truth is absent without it.
 
 use super::columns::ColumnDescription;
-use crate::rows::held::RowRef;
 use polars::prelude::{Column, DataFrame, PolarsResult};
 use serde::Serializer;
 use serde::ser::SerializeMap as _;
@@ -511,14 +510,15 @@ impl std::ops::Deref for MetricTotals {
 }
 
 impl MetricTotals {
-    /// The totals of the columns of rows, added in their order, with the area that these select.
-    pub(crate) fn new(rows: &[RowRef<'_>]) -> Self {
+    /// The totals of the columns of rows with these metrics, added in their order, with the area
+    /// that these select, and with these times.
+    pub(crate) fn new(rows: &[impl MetricSource], mut times_us: Vec<u64>) -> Self {
         let mut values = MetricValues::default();
         for column in &*METRICS_IN_ROWS {
             let MetricOrigin::Frame { total, .. } = column.metric.origin else {
                 continue;
             };
-            let own = rows.iter().filter_map(|row| column.value(&row.metrics()));
+            let own = rows.iter().filter_map(|row| column.value(row));
             let (sum, count) = own.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
             let value = match total {
                 MetricTotal::Mean => sum / f64::from(count),
@@ -528,7 +528,7 @@ impl MetricTotals {
             values.set_in(column.metric.name, column.area, value);
         }
         values.add_up();
-        let area = rows.first().map(|row| row.metrics().area());
+        let area = rows.first().map(MetricSource::area);
         values.select(area.unwrap_or_default());
         let mut totals = Self {
             values: values.clone(),
@@ -540,20 +540,18 @@ impl MetricTotals {
                     totals.values.set_in(metric.name, area, None);
                     continue;
                 };
-                let has_value =
-                    |row: &&RowRef<'_>| row.metrics().get_in(metric.name, area).is_some();
+                let values_of_rows = rows.iter().filter_map(|row| row.get_in(metric.name, area));
                 let cases = Cases {
-                    items: rows.iter().filter(has_value).count() as u64,
+                    items: values_of_rows.count() as u64,
                     cells: values.whole_in(metric, area).map(|cells| cells as u64),
                     possible: None,
                 };
                 totals.set(metric, area, Measured { value, cases });
             }
         }
-        let mut times: Vec<_> = rows.iter().filter_map(|row| row.total_us()).collect();
-        times.sort_unstable();
-        if let Some((time, us)) = Metric::find("time").zip(nearest_rank(&times, 0.5)) {
-            let (value, cases) = (us as f64 / 1000.0, Cases::items(times.len() as u64));
+        times_us.sort_unstable();
+        if let Some((time, us)) = Metric::find("time").zip(nearest_rank(&times_us, 0.5)) {
+            let (value, cases) = (us as f64 / 1000.0, Cases::items(times_us.len() as u64));
             totals.set(time, AreaChoice::default(), Measured { value, cases });
         }
         totals

@@ -1,6 +1,7 @@
 //! The values of a metric in rows, from which totals and intervals are drawn.
 
 use super::held::RowRef;
+use super::records::MetricTotals;
 use std::collections::BTreeMap;
 use svl_score::bootstrap::{RunLengths, Sample};
 use svl_score::judge::{AreaChoice, Metric, MetricOrigin, MetricSource as _, MetricTotal};
@@ -48,6 +49,15 @@ pub(crate) fn sample_in(metric: &Metric, rows: &[RowRef<'_>], area: AreaChoice) 
         | MetricOrigin::Checkpoints
         | MetricOrigin::Drives(_) => None,
     }
+}
+
+/// The totals of rows, with the area that these select.
+pub(crate) fn totals(rows: &[RowRef<'_>]) -> MetricTotals {
+    let metrics: Vec<_> = rows.iter().map(|row| row.metrics()).collect();
+    MetricTotals::new(
+        &metrics,
+        rows.iter().filter_map(|row| row.total_us()).collect(),
+    )
 }
 
 /// A metric over all rows of an algorithm: a fraction or a mean, a sum, or the median of times.

@@ -307,9 +307,9 @@ fn add_scene(
 
 /// Pictures that are spread evenly over each run, and, if these are too many, over all runs.
 struct SpreadPictures<T> {
-    /// Those of the run that is read.
+    /// Pictures of the run that is read.
     run: BTreeMap<ShotPlace, T>,
-    /// Those of the runs before, with their numbers among all.
+    /// Pictures of the runs before, with their numbers among all.
     kept: Vec<(u64, ShotPlace, T)>,
     count: u64,
 }

@@ -47,8 +47,8 @@ impl<T> WorstFrame<T> {
         other.badness.order(&self.badness).then(places)
     }
 
-    fn moment(&self) -> Moment {
-        Moment {
+    fn moment(&self) -> FrameMoment {
+        FrameMoment {
             run: self.run,
             stamp_ns: self.stamp_ns,
         }
@@ -132,7 +132,7 @@ impl<T> WorstFrames<T> {
     }
 
     /// Per frame, the worst first, if it may be chosen, whatever other frames there are.
-    fn needed(&self, moments: &[Moment]) -> Vec<bool> {
+    fn needed(&self, moments: &[FrameMoment]) -> Vec<bool> {
         let mut needed: Vec<bool> = Vec::new();
         let mut certain = 0;
         for (i, own) in moments.iter().enumerate() {
@@ -159,7 +159,7 @@ impl<T> WorstFrames<T> {
     }
 
     /// True if a frame before the first of its run, or after the last, may be near.
-    fn open_sides(&self, own: &Moment) -> [bool; 2] {
+    fn open_sides(&self, own: &FrameMoment) -> [bool; 2] {
         let run = self.run.filter(|(run, _)| *run == own.run);
         let ends = run.zip(own.stamp_ns);
         ends.map_or([false; 2], |((_, ends), stamp_ns)| {
@@ -189,12 +189,12 @@ impl<T> WorstFrames<Option<T>> {
 
 /// The run of a frame, and its stamp, if it follows others.
 #[derive(Clone, Copy)]
-struct Moment {
+struct FrameMoment {
     run: usize,
     stamp_ns: Option<u64>,
 }
 
-impl Moment {
+impl FrameMoment {
     fn is_near(&self, other: &Self) -> bool {
         let stamps = self.stamp_ns.zip(other.stamp_ns);
         let apart_ns = stamps.map(|(a, b)| a.abs_diff(b));

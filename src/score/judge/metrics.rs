@@ -1038,8 +1038,8 @@ const BY_AREA: usize = {
     count
 };
 
-/// Number of the places of values: the headline's by [`METRICS`], then those over floor, over what is
-/// beyond and over all.
+/// Number of the places of values: the headline's by [`METRICS`], then those over floor, over what
+/// is beyond and over all.
 pub const PLACES: usize = METRICS.len() + 3 * BY_AREA;
 const _: () = assert!(PLACES <= u128::BITS as usize);
 

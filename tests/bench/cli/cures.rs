@@ -129,6 +129,15 @@ const CURES: &[(&str, Cure)] = &[
         "svl score",
         Run("score short.toml --algo v3 --rerun none -o out"),
     ),
+    ("svl score --gate", Left("cli::score runs it")),
+    (
+        "svl score --near",
+        Run("score short.toml --algo v3 --near 0.6 --rerun none -o near"),
+    ),
+    (
+        "svl score --ranges",
+        Run("score short.toml --algo v3 --ranges 1,2 --rerun none -o ranges"),
+    ),
     (
         "svl score {name}",
         Run("score a.mcap --algo v3 --rerun none -o own"),

@@ -59,7 +59,8 @@ pub(crate) fn figure_view<'a>(
         let is = if is_wrong(shot) { "wrong" } else { "" };
         context! {
             rank, failed, place, is, name, label, pictures, replay,
-            algo => replays.algorithm(algorithm), run => shot.row.origin().run_name(), ..shot_words(shot)
+            algo => replays.algorithm(algorithm), run => shot.row.origin().run_name(),
+            ..shot_words(shot)
         }
     });
     let shots: Vec<_> = shots.collect();
