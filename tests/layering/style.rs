@@ -68,9 +68,9 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13714),
+    ("bench", 13715),
     ("c", 478),
-    ("calibrate", 4995),
+    ("calibrate", 4988),
     ("cli", 11101),
     ("core", 19558),
     ("files", 2552),
@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 15453),
+    ("report", 15459),
     ("score", 8692),
     ("sim", 3510),
     ("thesis", 2644),

@@ -5,7 +5,7 @@ mod coverage;
 mod pose;
 
 pub use coverage::MissingCoverage;
-pub use pose::{outline, unseen_edge};
+pub use pose::outline;
 
 use super::detect::{Detection, Edge, Sighting};
 use super::{Board, StereoView};
@@ -225,18 +225,6 @@ mod tests {
 
     fn chooser(moving: &MovingBoard) -> Chooser {
         Chooser::new(moving.board, (640, 480))
-    }
-
-    #[test]
-    fn a_board_at_an_edge_may_be_part_of_a_larger_one() {
-        let board = Board::new((8, 6), None).unwrap();
-        let edge = |left: f64| {
-            let corners = board.corners();
-            let seen = corners.map(|at| Point2::new(left + 20.0 * at.x, 40.0 + 20.0 * at.y));
-            unseen_edge(&board, &seen.collect::<Vec<_>>(), (640, 480))
-        };
-        let edges = [10.0, 60.0, 490.0].map(edge);
-        assert_eq!(edges, [Some(Edge::Left), None, Some(Edge::Right)]);
     }
 
     #[test]

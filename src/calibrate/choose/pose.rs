@@ -1,7 +1,6 @@
 //! Approximate pose of a board before the camera is calibrated.
 
 use crate::Board;
-use crate::detect::Edge;
 use nalgebra::{Point2, Unit, Vector2, Vector3};
 
 /// Assumed focal length, in widths of the image: that of a field of view of 60°.
@@ -96,14 +95,6 @@ pub fn outline(board: &Board, corners: &[Point2<f64>], beyond: f64) -> Option<[P
         let point = x * along + y * down + first;
         Point2::from(point.xy() / point.z)
     }))
-}
-
-/// The edge of an image of that size beyond which another line of corners may lie: then a larger
-/// board, cut off, looks the same.
-pub fn unseen_edge(board: &Board, corners: &[Point2<f64>], size: (usize, usize)) -> Option<Edge> {
-    let ends = outline(board, corners, 1.0)?;
-    let mut middles = (0..4).map(|i| nalgebra::center(&ends[i], &ends[(i + 1) % 4]));
-    middles.find_map(|at| Edge::before(size, &at))
 }
 
 /// Columns of the homography from the unit square to four points, in its order (Heckbert,

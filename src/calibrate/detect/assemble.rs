@@ -174,8 +174,7 @@ fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
                 .get(before)
                 .filter(|_| end)
                 .map(|before| corner.at + (corner.at - before));
-            let size = (image.width(), image.height());
-            if let Some(edge) = expected.and_then(|at| Edge::before(size, &at)) {
+            if let Some(edge) = expected.and_then(|at| outside(image, at)) {
                 beyond[edge as usize] += 1;
             }
         }
@@ -199,4 +198,18 @@ fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
         },
         beyond => Detection::Part { beyond },
     }
+}
+
+/// The edge of the image beyond which a point lies, or which is too close for a corner to be found.
+fn outside(image: &Gray, at: Point2<f64>) -> Option<Edge> {
+    const MARGIN_PX: f64 = 6.0;
+    let right = image.width() as f64 - MARGIN_PX;
+    let bottom = image.height() as f64 - MARGIN_PX;
+    let edges = [
+        (Edge::Left, at.x < MARGIN_PX),
+        (Edge::Right, at.x > right),
+        (Edge::Top, at.y < MARGIN_PX),
+        (Edge::Bottom, at.y > bottom),
+    ];
+    edges.into_iter().find(|(_, is)| *is).map(|(edge, _)| edge)
 }

@@ -84,21 +84,6 @@ pub enum Edge {
     Bottom,
 }
 
-impl Edge {
-    /// The edge of an image of that size beyond which a point lies, or which is too close for a
-    /// corner to be found.
-    pub(crate) fn before((width, height): (usize, usize), at: &Point2<f64>) -> Option<Self> {
-        const MARGIN_PX: f64 = 6.0;
-        let edges = [
-            (Self::Left, at.x < MARGIN_PX),
-            (Self::Right, at.x > width as f64 - MARGIN_PX),
-            (Self::Top, at.y < MARGIN_PX),
-            (Self::Bottom, at.y > height as f64 - MARGIN_PX),
-        ];
-        edges.into_iter().find(|(_, is)| *is).map(|(edge, _)| edge)
-    }
-}
-
 impl Display for Edge {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {

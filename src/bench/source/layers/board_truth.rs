@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_calibrate::Board;
-use svl_calibrate::choose::{Refusal, outline, unseen_edge};
+use svl_calibrate::choose::{Refusal, outline};
 use svl_calibrate::detect::{Detection, PairDetector};
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{Frame, Geometry, Plane, Rig, Side, StereoCalibration};
@@ -29,10 +29,7 @@ type SeenBoard = Arc<Mutex<Option<(u64, bool, [Detection; 2])>>>;
 
 /// Finds the board in pairs as they were read, for [`BoardTruth`].
 pub struct BoardFinder {
-    board: Board,
     detector: PairDetector,
-    /// True once it was seen away from the edges: a larger board, cut off, may look like it.
-    is_known: bool,
     seen: SeenBoard,
 }
 
@@ -54,18 +51,7 @@ impl Source for BoardSightings<'_> {
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
         if let Some(frame) = &frame {
-            let finder = &mut self.finder;
-            let [left, right] = finder.detector.find(&frame.pair);
-            let edge =
-                |own: &Detection| unseen_edge(&finder.board, own.corners(), frame.pair.size());
-            let edges = [edge(&left), edge(&right)];
-            let are_whole = [&left, &right].iter().all(|own| !own.corners().is_empty());
-            finder.is_known |= are_whole && edges == [None; 2];
-            let cut = |own, beyond| match beyond {
-                Some(_) if !finder.is_known => Detection::Part { beyond },
-                _ => own,
-            };
-            let seen = [cut(left, edges[0]), cut(right, edges[1])];
+            let seen = self.finder.detector.find(&frame.pair);
             let is_raw = matches!(frame.geometry, Geometry::Raw);
             *self.finder.seen.lock() = Some((frame.sequence, is_raw, seen));
         }
@@ -81,6 +67,8 @@ pub struct BoardTruth {
     pub last: Option<BoardPlane>,
     /// Left corners of the pair before.
     before: Option<Vec<Point2<f64>>>,
+    /// A larger board that a pair shows: cut off by an edge, it looks like the one sought.
+    larger: Option<Refusal>,
     /// Refused pairs, by reason.
     refused: BTreeMap<String, u64>,
     /// Per accepted pair the rms of its residuals.
@@ -95,6 +83,7 @@ impl BoardTruth {
             seen: SeenBoard::default(),
             last: None,
             before: None,
+            larger: None,
             refused: BTreeMap::new(),
             rms_px: Vec::new(),
             ends_px: [f64::INFINITY, 0.0],
@@ -107,9 +96,7 @@ impl BoardTruth {
     /// The errors of [`PairDetector::new`].
     pub fn finder(&self) -> Result<BoardFinder> {
         Ok(BoardFinder {
-            board: self.board,
             detector: PairDetector::new(self.board)?,
-            is_known: false,
             seen: Arc::clone(&self.seen),
         })
     }
@@ -127,6 +114,16 @@ impl BoardTruth {
     fn found(&mut self, frame: &Frame) -> Option<BoardPlane> {
         let seen = self.seen.lock().take();
         let (_, is_raw, seen) = seen.filter(|(number, ..)| *number == frame.sequence)?;
+        let (columns, rows) = (self.board.columns(), self.board.rows());
+        let ends = (columns.max(rows), columns.min(rows));
+        for (side, own) in Side::BOTH.into_iter().zip(&seen) {
+            if let Detection::Other { corners } = own
+                && corners.0 >= ends.0
+                && corners.1 >= ends.1
+            {
+                self.larger = Refusal::from_detection(side, own);
+            }
+        }
         let before = self.before.take();
         self.before = Some(seen[0].corners().to_vec()).filter(|own| !own.is_empty());
         match self.judged(frame, is_raw, &seen, before) {
@@ -153,6 +150,9 @@ impl BoardTruth {
         seen: &[Detection; 2],
         before: Option<Vec<Point2<f64>>>,
     ) -> Result<BoardPlane, String> {
+        if let Some(larger) = &self.larger {
+            return Err(larger.to_string());
+        }
         let sides = Side::BOTH.into_iter().zip(seen);
         for (side, seen) in sides {
             if let Some(refusal) = Refusal::from_detection(side, seen) {
@@ -239,12 +239,13 @@ impl BoardTruth {
         )
     }
 
-    /// Fails where no pair shows the board.
+    /// Fails where no pair shows the board, or one shows a larger board.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the reasons.
     pub fn check_any(&self, name: &str) -> Result<()> {
-        if self.refused.is_empty() || !self.rms_px.is_empty() {
+        let is_any = self.refused.is_empty() || !self.rms_px.is_empty();
+        if is_any && self.larger.is_none() {
             return Ok(());
         }
         Err(Error::Invalid(format!(
