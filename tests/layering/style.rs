@@ -72,7 +72,7 @@ const LINES: [(&str, usize); 16] = [
     ("c", 478),
     ("calibrate", 4948),
     ("cli", 10969),
-    ("core", 19560),
+    ("core", 19563),
     ("files", 2551),
     ("grab", 5131),
     ("live", 417),
