@@ -65,8 +65,9 @@ pub(crate) const OPTION_SYNONYMS: &[(&[&str], &str, &str)] = &[
     (
         &["--baseline"],
         "",
-        "`svl compare BASE OTHER` for a report, `--calib` for cameras",
+        "`svl compare BASE OTHER` for a report, --calib for cameras",
     ),
+    (&["--baseline"], "", "`svl compare BASE OTHER`"),
     (&["--bins"], "", "--ranges"),
     (&["--camera"], "", "--calib"),
     (&["--ci", "--gate"], "compare", "--fail-on"),

@@ -12,7 +12,7 @@ use svl_score::judge::{AreaChoice, Metric, TruthLevel};
 /// Limit of the algorithms whose faults are named.
 const MAX_NAMED: usize = 3;
 /// Limit of the algorithms whose estimated errors are told.
-const MAX_ESTIMATES: usize = 3;
+const MAX_ESTIMATES: usize = 2;
 
 impl Unfit {
     /// The reason, before the algorithms that it is of.

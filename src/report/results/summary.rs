@@ -448,10 +448,10 @@ impl Results {
         if let Some(metric) = results.shown.sort {
             results.sort_by(metric);
         }
+        results.recordings = recordings(&tables.rows);
         let mut rows = by_algorithm(&tables.rows);
         rows.extend(by_algorithm(&tables.references));
         results.find_best(&rows, &tables.drives);
-        results.recordings = recordings(&tables.rows);
         let records = parts
             .manifest
             .map_or(&[][..], |manifest| &manifest.algorithms);

@@ -38,8 +38,8 @@ struct Parquet<R> {
     rows: Vec<R>,
 }
 
-/// Rows that are written at once: as many as polars accepts.
-const ROW_GROUP: usize = 1 << 18;
+/// Number of rows that are written at once: they and their columns wait in memory.
+const ROW_GROUP: usize = 1 << 16;
 
 impl<R: Record> TableWriter<R> {
     /// A table without a file, for rows that are only counted.

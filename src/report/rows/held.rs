@@ -17,7 +17,9 @@ pub enum Wholes {
     Bytes(Vec<u8>),
     Shorts(Vec<u16>),
     Words(Vec<u32>),
-    Longs(Vec<Option<u64>>),
+    Longs(Vec<u64>),
+    /// With the greatest number.
+    All(Vec<Option<u64>>),
 }
 
 impl Default for Wholes {
@@ -33,7 +35,8 @@ impl Wholes {
             Self::Bytes(all) => u64::from(all[at]).checked_sub(1),
             Self::Shorts(all) => u64::from(all[at]).checked_sub(1),
             Self::Words(all) => u64::from(all[at]).checked_sub(1),
-            Self::Longs(all) => all[at],
+            Self::Longs(all) => all[at].checked_sub(1),
+            Self::All(all) => all[at],
         }
     }
 
@@ -44,6 +47,7 @@ impl Wholes {
             Self::Shorts(all) => all.len(),
             Self::Words(all) => all.len(),
             Self::Longs(all) => all.len(),
+            Self::All(all) => all.len(),
         }
     }
 
@@ -63,7 +67,8 @@ impl Wholes {
             Self::Bytes(all) => narrow(all, number),
             Self::Shorts(all) => narrow(all, number),
             Self::Words(all) => narrow(all, number),
-            Self::Longs(all) => {
+            Self::Longs(all) => narrow(all, number),
+            Self::All(all) => {
                 all.push(number);
                 true
             }
@@ -73,7 +78,8 @@ impl Wholes {
                 Self::Absent(_) => Self::Bytes(Vec::new()),
                 Self::Bytes(_) => Self::Shorts(Vec::new()),
                 Self::Shorts(_) => Self::Words(Vec::new()),
-                Self::Words(_) | Self::Longs(_) => Self::Longs(Vec::new()),
+                Self::Words(_) => Self::Longs(Vec::new()),
+                Self::Longs(_) | Self::All(_) => Self::All(Vec::new()),
             };
             (0..self.len()).for_each(|at| wider.push(self.get(at)));
             *self = wider;
@@ -123,7 +129,7 @@ impl HeldNumbers {
 pub struct Texts {
     all: String,
     /// Where each text ends.
-    ends: Vec<usize>,
+    ends: Wholes,
     /// The place of the text of each row.
     places: Wholes,
     known: HashMap<Box<str>, u64>,
@@ -132,8 +138,9 @@ pub struct Texts {
 impl Texts {
     fn get(&self, at: usize) -> Option<&str> {
         let place = self.places.get(at)? as usize;
-        let begin = place.checked_sub(1).map_or(0, |before| self.ends[before]);
-        Some(&self.all[begin..self.ends[place]])
+        let end = |place| self.ends.get(place).unwrap_or_default() as usize;
+        let begin = place.checked_sub(1).map_or(0, end);
+        Some(&self.all[begin..end(place)])
     }
 
     fn push(&mut self, text: Option<&str>) {
@@ -152,7 +159,7 @@ impl Texts {
     fn add(&mut self, text: &str) -> u64 {
         let place = self.ends.len() as u64;
         self.all.push_str(text);
-        self.ends.push(self.all.len());
+        self.ends.push(Some(self.all.len() as u64));
         if self.known.len() < MAX_KNOWN {
             self.known.insert(text.into(), place);
         }

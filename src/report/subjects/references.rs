@@ -70,7 +70,7 @@ impl TruthRow {
 }
 
 /// A [`TruthRow`], as it is held: a report has one per cell of each pair.
-struct TrueCell {
+struct ReferenceCell {
     /// Not a number without one.
     true_median_px: f32,
     column: u8,
@@ -81,7 +81,7 @@ struct TrueCell {
     is_clear_floor: Option<bool>,
 }
 
-impl TrueCell {
+impl ReferenceCell {
     fn new(cell: &TruthRow) -> Self {
         Self {
             true_median_px: cell.true_median_px.map_or(f32::NAN, |px| px as f32),
@@ -127,7 +127,7 @@ pub(crate) struct ReferenceTally {
     /// A row of any algorithm per pair.
     rows: Rows,
     /// The cells of the pairs, one pair after the other.
-    cells: Vec<TrueCell>,
+    cells: Vec<ReferenceCell>,
     /// Per pair the end of its cells, the product of focal length and baseline, and the difference
     /// of the principal points.
     pairs: Vec<(usize, f64, f64)>,
@@ -138,7 +138,7 @@ impl ReferenceTally {
     pub(crate) fn add(&mut self, row: &Row, cells: &[TruthRow]) {
         if let Some(first) = cells.first().filter(|_| row.stress.is_none()) {
             self.rows.push(row);
-            self.cells.extend(cells.iter().map(TrueCell::new));
+            self.cells.extend(cells.iter().map(ReferenceCell::new));
             let end = self.cells.len();
             self.pairs.push((end, first.depth_px_m, first.doffs_px));
         }
@@ -150,14 +150,14 @@ impl ReferenceTally {
         let medians = self.medians(&groups);
         let mut rows = Rows::default();
         for (pair, group) in groups.iter().enumerate() {
-            let median = |cell: &TrueCell| {
+            let median = |cell: &ReferenceCell| {
                 let own: &CellMedians = medians.get(&(cell.column, cell.row))?;
                 own.beside.get(group).copied().unwrap_or(own.all)
             };
             rows.push(&self.scored(pair, PRIOR, median, rule));
         }
         for pair in 0..groups.len() {
-            rows.push(&self.scored(pair, EXACT, TrueCell::true_px, rule));
+            rows.push(&self.scored(pair, EXACT, ReferenceCell::true_px, rule));
         }
         rows
     }
@@ -176,7 +176,7 @@ impl ReferenceTally {
     }
 
     /// The cells of a pair.
-    fn pair(&self, pair: usize) -> &[TrueCell] {
+    fn pair(&self, pair: usize) -> &[ReferenceCell] {
         let begin = pair.checked_sub(1).map_or(0, |before| self.pairs[before].0);
         &self.cells[begin..self.pairs[pair].0]
     }
@@ -201,14 +201,15 @@ impl ReferenceTally {
         &self,
         pair: usize,
         name: &str,
-        reported_px: impl Fn(&TrueCell) -> Option<f32>,
+        reported_px: impl Fn(&ReferenceCell) -> Option<f32>,
         rule: CellRule,
     ) -> Row {
         let (cells, (_, depth_px_m, doffs_px)) = (self.pair(pair), self.pairs[pair]);
         // Only the product of focal length and baseline counts.
         let rig = Rig::new(depth_px_m, (0.0, 0.0), 1.0, doffs_px).ok();
         let reported: Vec<_> = cells.iter().map(reported_px).collect();
-        let judge = |(cell, px): (&TrueCell, &Option<f32>)| cell.judge(*px, rig.as_ref(), rule);
+        let judge =
+            |(cell, px): (&ReferenceCell, &Option<f32>)| cell.judge(*px, rig.as_ref(), rule);
         let judged: Vec<_> = cells.iter().zip(&reported).map(judge).collect();
         let knows_floor = cells.iter().any(|cell| cell.is_clear_floor.is_some());
         Row {
@@ -384,7 +385,7 @@ mod tests {
         let scored = |true_m, reported_m: Option<f32>| {
             let (own, rig) = (cell(0, true_m), Rig::new(10.0, (0.0, 0.0), 1.0, 0.0).ok());
             let px = reported_m.map(|m: f32| 10.0 / m);
-            let judged = TrueCell::new(&own).judge(px, rig.as_ref(), CellRule::default());
+            let judged = ReferenceCell::new(&own).judge(px, rig.as_ref(), CellRule::default());
             let near = judged.near;
             (judged.verdict, near.found, near.missed, near.falsely)
         };

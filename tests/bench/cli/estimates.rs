@@ -136,11 +136,11 @@ fn a_board_in_view_is_the_truth() {
     let score = "score board.mcap --calib calib.yml --algo sgm --algo v5 --rerun none";
     fixture.transcript(&format!(
         "{score} --truth board:9x6 -o b => against a board of 9x6 corners, on it alone
-        {score} --truth board:8x6 -o c => 1: board of 8x6 in | of 30 pairs | a board of 9x6 \
+        {score} --truth board:8x6 -o c => 1~ board of 8x6 in | of 30 pairs | a board of 9x6 \
         | seen whole, flat and still
         {score} --truth board:9x -o c => 2: --truth board:9x | expected inner corners as 9x6
         {score} --truth board:2x6 -o c => 2: each side needs 3 to 50
-        score board.mcap --truth board:9x6 --calib raw --algo sgm -o c => 1: svl calibrate board"
+        score board.mcap --truth board:9x6 --calib raw --algo sgm -o c => 1~ svl calibrate board"
     ));
     let summary = fixture.json_file("b/summary.json");
     assert_eq!(summary["truth"][0], "board 9x6");

@@ -238,6 +238,15 @@ fn an_unknown_name_has_suggestions_by_its_meaning() {
         score r --unknown => 2: unexpected argument '--unknown' found; see
         compare a b --format json => 2: (did you mean --json, --markdown,
         match --left l.png --right r.png => 2: `svl match LEFT RIGHT`
+        compare a b --baseline c => 2: (did you mean `svl compare BASE OTHER`?)
+        compare a b --html => 2: (did you mean -o COMPARISON.html?)
+        compare a b --gate => 2: (did you mean --fail-on?)
+        compare a b --algo v3 => 2: BASE#ALGORITHM
+        replay a.mcap --html => 2: `svl score` writes a page
+        replay a.mcap --ci => 2: `svl score --gate`
+        record --frame 5 => 2: (did you mean --frames?)
+        report r --ranges 1,2 => 2: `svl score --ranges`
+        score r --grid 5x3 => 2: (did you mean --cells?)
         merge a b => 2: (did you mean 'report'?)
         eval a.mcap => 2: is a recording: `svl score a.mcap` scores it; see
         score r --algo v5,sgm => 2: each has its own option: --algo v5 --algo sgm; see

@@ -238,7 +238,11 @@ impl Deciding<'_> {
         let evidence = table.evidence(pixels, tolerance);
         let (report, score) = (evidence.report, table.score(&evidence));
         let is_wide = evidence.features[Feature::Span as usize] >= MIN_SURFACE_SPAN;
-        if report <= 0 || score < table.least_score || !is_wide {
+        // A surface nearer than `obstacle_m` is held to what a near flag is.
+        let flag = self.choice.near.as_ref();
+        let flag = flag.filter(|_| self.is_nearer(report, 0, self.near_m.0));
+        let least = flag.map_or(table.least_score, |near| near.least_score);
+        if report <= 0 || score < table.least_score.max(least) || !is_wide {
             return None;
         }
         let known = cell.evidence.filter(|_| cell.depth.is_some());

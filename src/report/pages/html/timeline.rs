@@ -52,12 +52,12 @@ impl Timeline {
     pub fn new(rows: &Rows, shown: &[ShownFrame], replays: &Replays) -> Self {
         let scored =
             |row: &RowRef<'_>| row.stress().is_none() && row.metrics().get("wrong").is_some();
-        let rows: Vec<_> = rows.iter().filter(scored).collect();
-        if rows.is_empty() || rows.iter().any(|row| row.origin().is_scene()) {
+        let rows = || rows.iter().filter(scored);
+        if rows().next().is_none() || rows().any(|row| row.origin().is_scene()) {
             return Self::default();
         }
         let (mut runs, mut places) = (Vec::new(), BTreeMap::new());
-        for row in &rows {
+        for row in rows() {
             places.entry(row.origin().run_key()).or_insert_with(|| {
                 runs.push(row.origin().run_name());
                 runs.len() - 1
@@ -75,14 +75,14 @@ impl Timeline {
             own.map(|frame| (frame.rank.unwrap_or(usize::MAX), frame.figure))
                 .min()
         };
-        let is_untimed = rows.iter().any(|row| replays.is_untimed(row.origin()));
-        let stamps = || rows.iter().map(|row| row.stamp_ns());
+        let is_untimed = rows().any(|row| replays.is_untimed(row.origin()));
+        let stamps = || rows().map(|row| row.stamp_ns());
         let first_ns = stamps().min().unwrap_or_default();
         // A recording's own seconds, also if the first ones are omitted.
         let since = |row: RowRef<'_>| (row.stamp_ns() - first_ns) / 1_000_000_000;
         let whole = |row: RowRef<'_>| replays.second(row.origin()).unwrap_or_else(|| since(row));
-        let first_s = rows.iter().map(|row| whole(*row)).min().unwrap_or_default();
-        let last_s = rows.iter().map(|row| whole(*row)).max().unwrap_or_default();
+        let first_s = rows().map(|row| whole(row)).min().unwrap_or_default();
+        let last_s = rows().map(|row| whole(row)).max().unwrap_or_default();
         let seconds = (last_s - first_s + 1).div_ceil(MAX_BINS);
         let together = (runs.len() as u64).div_ceil(MAX_BINS) as usize;
         let place = |row: RowRef<'_>| match runs.len() {
@@ -94,9 +94,9 @@ impl Timeline {
             1 => format!("{} s", first_s + bin as u64 * seconds),
             _ => runs[(bin * together).min(runs.len() - 1)].clone(),
         };
-        let count = rows.iter().map(|row| place(*row)).max().unwrap_or(0) + 1;
+        let count = rows().map(|row| place(row)).max().unwrap_or(0) + 1;
         let mut lanes: Vec<(String, Vec<Vec<RowRef<'_>>>)> = Vec::new();
-        for row in &rows {
+        for row in rows() {
             let lane = lanes
                 .iter()
                 .position(|(label, _)| *label == row.algorithm());
@@ -104,7 +104,7 @@ impl Timeline {
                 lanes.push((row.algorithm().to_owned(), vec![Vec::new(); count]));
                 lanes.len() - 1
             });
-            lanes[lane].1[place(*row)].push(*row);
+            lanes[lane].1[place(row)].push(row);
         }
         let bin = |label: &str, i: usize, rows: &[RowRef<'_>]| {
             let Some(worst) = worst_pair(rows) else {
