@@ -147,8 +147,9 @@ fn a_board_in_view_is_the_truth() {
     let scored = summary["algorithms"][1]["scored_cells"].as_u64();
     assert!(scored > Some(30), "{summary}");
     fixture.transcript(
-        "calibrate check board.mcap --calib calib.yml --squares 9x6 --square-m 0.03 => distances are
-        calibrate check board.mcap --calib calib.yml --squares 9x6 --square-m 0.0291 => 1: \
+        "calibrate check board.mcap --calib calib.yml --squares 9x6 --square-m 0.03 \
+        => distances are => 0~ board of 9x6 in
+        calibrate check board.mcap --calib calib.yml --squares 9x6 --square-m 0.0291 => 1~ \
         too long | baseline, focal length or the print
         calibrate check board.mcap --calib calib.yml --squares 9x6 => 2: --square-m
         calibrate check board.mcap --calib calib.yml --squares 9 --square-m 0.03 => 2: as 9x6",
