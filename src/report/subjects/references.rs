@@ -208,7 +208,8 @@ impl ReferenceTally {
         // Only the product of focal length and baseline counts.
         let rig = Rig::new(depth_px_m, (0.0, 0.0), 1.0, doffs_px).ok();
         let reported: Vec<_> = cells.iter().map(reported_px).collect();
-        let judge = |(cell, px): (&ReferenceCell, &Option<f32>)| cell.judge(*px, rig.as_ref(), rule);
+        let judge =
+            |(cell, px): (&ReferenceCell, &Option<f32>)| cell.judge(*px, rig.as_ref(), rule);
         let judged: Vec<_> = cells.iter().zip(&reported).map(judge).collect();
         let knows_floor = cells.iter().any(|cell| cell.is_clear_floor.is_some());
         Row {
