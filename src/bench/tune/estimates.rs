@@ -10,9 +10,12 @@ use svl_report::compare::{Change, estimated_changes};
 use svl_report::{CellRow, ComparedPair, EstimateRow, WitnessTally};
 use svl_score::judge::{AreaChoice, Judged};
 
+/// A pair, with the cells of the settings and those of the witness.
+type ComparedCells = (ComparedPair, [Vec<CellRow>; 2]);
+
 /// The cells of the settings and of the witness, by the number of the frame. Clones share them.
 #[derive(Clone, Default)]
-pub struct SampleCells(Arc<Mutex<BTreeMap<u64, (ComparedPair, [Vec<CellRow>; 2])>>>);
+pub struct SampleCells(Arc<Mutex<BTreeMap<u64, ComparedCells>>>);
 
 impl Sink for SampleCells {
     fn take(&mut self, judged: &Judged) -> Result<()> {

@@ -311,7 +311,7 @@ impl AlgorithmSummary {
             algorithm: rows[0].algorithm().to_owned(),
             pairs: rows.len() as u64,
             totals: samples::totals(rows),
-            results_hash: Some(digest(rows.iter().map(|row| &*row.result_hash()))),
+            results_hash: Some(digest(rows.iter().map(|row| row.result_hash()))),
             ..Self::default()
         };
         // A map that others computed has no times.

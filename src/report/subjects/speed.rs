@@ -65,9 +65,9 @@ impl Speed {
         // Stages are rounded to whole microseconds each, so their sum may exceed the total.
         stages_ms[5] = (mean_ms(|row| row.total_us()) - stages_ms.iter().sum::<f64>()).max(0.0);
         Self {
-            per_pixel: ascending(rows.iter().map(|row| per_pixel(row)).collect()),
-            per_disparity: ascending(rows.iter().filter_map(|row| per_disparity(row)).collect()),
-            sorted: order.iter().map(|row| total_us(row)).collect(),
+            per_pixel: ascending(rows.iter().map(per_pixel).collect()),
+            per_disparity: ascending(rows.iter().filter_map(per_disparity).collect()),
+            sorted: order.iter().map(total_us).collect(),
             stages_ms,
         }
     }

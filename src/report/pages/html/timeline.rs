@@ -81,8 +81,8 @@ impl Timeline {
         // A recording's own seconds, also if the first ones are omitted.
         let since = |row: RowRef<'_>| (row.stamp_ns() - first_ns) / 1_000_000_000;
         let whole = |row: RowRef<'_>| replays.second(row.origin()).unwrap_or_else(|| since(row));
-        let first_s = rows().map(|row| whole(row)).min().unwrap_or_default();
-        let last_s = rows().map(|row| whole(row)).max().unwrap_or_default();
+        let first_s = rows().map(whole).min().unwrap_or_default();
+        let last_s = rows().map(whole).max().unwrap_or_default();
         let seconds = (last_s - first_s + 1).div_ceil(MAX_BINS);
         let together = (runs.len() as u64).div_ceil(MAX_BINS) as usize;
         let place = |row: RowRef<'_>| match runs.len() {
@@ -94,7 +94,7 @@ impl Timeline {
             1 => format!("{} s", first_s + bin as u64 * seconds),
             _ => runs[(bin * together).min(runs.len() - 1)].clone(),
         };
-        let count = rows().map(|row| place(row)).max().unwrap_or(0) + 1;
+        let count = rows().map(place).max().unwrap_or(0) + 1;
         let mut lanes: Vec<(String, Vec<Vec<RowRef<'_>>>)> = Vec::new();
         for row in rows() {
             let lane = lanes
