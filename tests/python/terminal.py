@@ -18,9 +18,10 @@ import time
 keys, program = sys.argv[1], sys.argv[2:]
 child, terminal = pty.fork()
 if child == 0:
+    # Before the program asks for it.
+    fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     os.environ["TERM"] = "xterm-256color"
     os.execvp(program[0], program)
-fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
 written = b""
 waiting = list(keys)
 while True:
