@@ -418,6 +418,7 @@ fn live() -> Result<(), Box<dyn std::error::Error>> {
 fn frame(i: u64) -> svl::Result<stereo::Frame> {
     let image = |seed: usize| stereo::Gray::from_fn(6, 4, |x, y| (x * 40 + y * 9 + seed) as u8);
     Ok(stereo::Frame {
+        floor: None,
         sequence: i,
         stamp_ns: 20 + i,
         name: Some("seed".to_owned()),
