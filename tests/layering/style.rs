@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 417),
     ("python", 330),
     ("recording", 13954),
-    ("report", 15466),
+    ("report", 15492),
     ("score", 8692),
     ("sim", 3510),
     ("thesis", 2644),

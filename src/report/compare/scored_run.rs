@@ -81,9 +81,10 @@ impl ScoredRun {
         let sources = Sources::read(folder).unwrap_or_default();
         if let Some(table) = sources.changed(folder, cells.is_some()) {
             let shown = folder.display();
-            let what = match folder.join(table).exists() {
-                true => "was changed after the report was made",
-                false => "is not there",
+            let what = if folder.join(table).exists() {
+                "was changed after the report was made"
+            } else {
+                "is not there"
             };
             return Err(Error::Invalid(format!(
                 "{shown}/{table}: {what}; `svl report {shown}` makes it again"

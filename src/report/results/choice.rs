@@ -232,9 +232,10 @@ impl Results {
             let is_ahead = best
                 .zip(other)
                 .is_some_and(|(a, b)| (a - b).abs() >= MIN_AHEAD);
-            return match is_ahead {
-                true => Certainty::Clear,
-                false => Certainty::NotToldApart,
+            return if is_ahead {
+                Certainty::Clear
+            } else {
+                Certainty::NotToldApart
             };
         }
         let change = if self.kind() == TruthLevel::Courses {

@@ -128,7 +128,7 @@ impl HeldNumbers {
 #[derive(Debug, Default)]
 pub struct Texts {
     all: String,
-    /// Where each text ends.
+    /// End of each text.
     ends: Wholes,
     /// The place of the text of each row.
     places: Wholes,

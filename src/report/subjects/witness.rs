@@ -255,7 +255,8 @@ pub fn wrong(probability: f64, difference: f64) -> f64 {
     WRONG[row][DIFFERENCES.partition_point(|end| *end <= difference)]
 }
 
-/// How far a report is from that of the witness, in tolerances; `None` unless both know the cell.
+/// Difference of a report from that of the witness, in tolerances; `None` unless both know the
+/// cell.
 fn difference(own: &CellRow, witness: &CellRow, rule: CellRule, infinity_px: f64) -> Option<f64> {
     let (px, witness_px) = (own.median_px?, witness.median_px?);
     let is_far = |cell: &CellRow| cell.state == Some(CellState::Far);

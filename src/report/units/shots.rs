@@ -175,13 +175,7 @@ impl ChosenPictures {
     fn add(&mut self, run: usize, unit: &StoredUnit, mut pictures: BlockPictures) {
         for frame in &pictures.worst {
             if let Some(picture) = pictures.worst_picture(frame) {
-                let frame = WorstFrame {
-                    badness: frame.badness,
-                    run,
-                    place: frame.place,
-                    stamp_ns: frame.stamp_ns,
-                    picture: (),
-                };
+                let frame = WorstFrame { run, ..frame.key() };
                 let own = self.worst.entry(unit.label.clone()).or_default();
                 own.add(frame, || picture);
             }
@@ -353,6 +347,27 @@ mod tests {
     fn frames_are_halved_until_few_are_left() {
         for (frames, expected) in [(0, 1), (12, 1), (13, 2), (24, 2), (25, 4), (10_000, 1024)] {
             assert_eq!(stride(frames, MAX_SAMPLES), expected, "{frames}");
+        }
+    }
+
+    #[test]
+    fn pictures_of_runs_one_by_one_are_those_of_all() {
+        for runs in 1..40 {
+            let mut spread = SpreadPictures::default();
+            let mut all = Vec::new();
+            for run in 0..runs {
+                let pairs = (7 * run as u64) % 30;
+                for place in 0..pairs {
+                    spread.run.insert((run, place), ());
+                    let is_kept = place.is_multiple_of(stride(pairs, 12));
+                    all.extend(is_kept.then_some((run, place)));
+                }
+                spread.end_run(pairs, 12);
+            }
+            let step = stride(all.len() as u64, 12) as usize;
+            let expected: Vec<_> = all.into_iter().step_by(step).collect();
+            let kept: Vec<_> = spread.into_kept().into_keys().collect();
+            assert_eq!(kept, expected, "{runs}");
         }
     }
 

@@ -115,6 +115,41 @@ pub struct TakenRows<'a> {
     failures: &'a [FailureRow],
 }
 
+/// The numbers of the cells of all pairs.
+struct TableTallies {
+    accuracy: AccuracyTally,
+    reliability: ReliabilityTallies,
+    references: ReferenceTally,
+    witness: WitnessTally,
+    has_separate_pairs: bool,
+}
+
+impl TableTallies {
+    fn begin_run(&mut self, has_separate_pairs: bool) {
+        self.has_separate_pairs = has_separate_pairs;
+        self.accuracy.begin_pass(has_separate_pairs);
+    }
+
+    /// Adds a pair with the cells of the witness, if there is one.
+    fn add(&mut self, rows: &UnitRows, pair: &PairFacts, seen: Option<UnitRows>) {
+        let Some(row) = rows.rows.first() else {
+            return;
+        };
+        let time_ns = row.origin().time_ns();
+        self.accuracy.add(time_ns, &rows.cells);
+        self.reliability.add(&rows.cells);
+        self.references.add(row, &rows.truths);
+        let compared = ComparedPair {
+            stamp_ns: time_ns.filter(|_| !self.has_separate_pairs),
+            infinity_px: pair.infinity_px,
+            floor: pair.floor,
+        };
+        if let Some(seen) = seen {
+            self.witness.add(&compared, &rows.cells, &seen.cells);
+        }
+    }
+}
+
 /// Collects the rows of units in the order of runs, pairs and algorithms. `has_cells`: false where
 /// cells are not asked for, nor what is computed of them.
 ///
@@ -129,15 +164,17 @@ pub fn collect_tables(
     let mut tables = ReportTables::default();
     let rule = ScoreRule::new(&plan.manifest)?;
     let ranges = RunRanges::new(&plan.manifest)?;
-    let mut accuracy = AccuracyTally::new(rule.cells, &ranges);
-    let mut reliability = ReliabilityTallies::default();
-    let mut references = ReferenceTally::default();
-    let mut witness = WitnessTally::new(rule.cells);
+    let mut numbers = TableTallies {
+        accuracy: AccuracyTally::new(rule.cells, &ranges),
+        reliability: ReliabilityTallies::default(),
+        references: ReferenceTally::default(),
+        witness: WitnessTally::new(rule.cells),
+        has_separate_pairs: false,
+    };
     let scenario = &plan.manifest.scenario;
     for run in runs {
         let name = run.run.run.as_deref();
-        let has_separate_pairs = plan.manifest.has_separate_pairs(name);
-        accuracy.begin_pass(has_separate_pairs);
+        numbers.begin_run(plan.manifest.has_separate_pairs(name));
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
         let mut collect =
@@ -147,20 +184,7 @@ pub fn collect_tables(
                         let cells = [plain.for_pair(pair.sequence)?, &rows.cells];
                         rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
                     }
-                    if let Some(row) = rows.rows.first() {
-                        let time_ns = row.origin().time_ns();
-                        accuracy.add(time_ns, &rows.cells);
-                        reliability.add(&rows.cells);
-                        references.add(row, &rows.truths);
-                        let compared = ComparedPair {
-                            stamp_ns: time_ns.filter(|_| !has_separate_pairs),
-                            infinity_px: pair.infinity_px,
-                            floor: pair.floor,
-                        };
-                        if let Some(seen) = seen {
-                            witness.add(&compared, &rows.cells, &seen.cells);
-                        }
-                    }
+                    numbers.add(&rows, pair, seen);
                 }
                 take(TakenRows {
                     rows: &rows.rows,
@@ -206,11 +230,11 @@ pub fn collect_tables(
                 collect(rows, Some((pair, seen.transpose()?)))?;
             }
         }
-        witness.end_run();
+        numbers.witness.end_run();
         let key = &run.run;
         for unit in run.all().filter(|_| key.stress.is_none() && has_cells) {
             if let Some(errors) = unit.pixel_errors()? {
-                accuracy.add_pixels(&unit.label, &errors);
+                numbers.accuracy.add_pixels(&unit.label, &errors);
             }
         }
         let rows = tallies.into_rows().into_iter();
@@ -222,6 +246,13 @@ pub fn collect_tables(
             ..row
         }));
     }
+    let TableTallies {
+        accuracy,
+        reliability,
+        references,
+        witness,
+        ..
+    } = numbers;
     let ranges = ranges.in_order(&accuracy);
     tables.accuracy = accuracy.into_rows(&plan.labels(), &ranges);
     tables.reliability = reliability.into_rows(&plan.labels());

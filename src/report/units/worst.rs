@@ -47,11 +47,21 @@ impl<T> WorstFrame<T> {
         other.badness.order(&self.badness).then(places)
     }
 
-    fn moment(&self) -> FrameMoment {
-        FrameMoment {
+    /// The frame without its picture.
+    pub fn key(&self) -> WorstFrame<()> {
+        WorstFrame {
+            badness: self.badness,
             run: self.run,
+            place: self.place,
             stamp_ns: self.stamp_ns,
+            picture: (),
         }
+    }
+
+    fn is_near<U>(&self, other: &WorstFrame<U>) -> bool {
+        let stamps = self.stamp_ns.zip(other.stamp_ns);
+        let apart_ns = stamps.map(|(a, b)| a.abs_diff(b));
+        self.run == other.run && apart_ns.is_some_and(|ns| ns < MIN_APART_NS)
     }
 
     /// The frame with that picture, and its own.
@@ -84,6 +94,8 @@ pub struct WorstFrames<T> {
     frames: Vec<WorstFrame<T>>,
     /// The last run, and its first and last stamp.
     run: Option<(usize, [u64; 2])>,
+    /// The last of as many frames as are chosen that are certain: no better one is.
+    least: Option<WorstFrame<()>>,
 }
 
 impl<T> Default for WorstFrames<T> {
@@ -91,6 +103,7 @@ impl<T> Default for WorstFrames<T> {
         Self {
             frames: Vec::new(),
             run: None,
+            least: None,
         }
     }
 }
@@ -103,14 +116,16 @@ impl<T> WorstFrames<T> {
             let (_, [first, last]) = known.unwrap_or((frame.run, [now; 2]));
             self.run = Some((frame.run, [first.min(now), last.max(now)]));
         }
-        if frame.badness.missed + frame.badness.wrong == 0 {
+        let is_outdone = |least: &WorstFrame<()>| least.order(&frame).is_lt();
+        let is_good = frame.badness.missed + frame.badness.wrong == 0;
+        if is_good || self.least.as_ref().is_some_and(is_outdone) {
             return;
         }
         let worse = |own: &WorstFrame<T>| own.order(&frame).is_lt();
         let place = self.frames.partition_point(worse);
-        let mut moments: Vec<_> = self.frames.iter().map(WorstFrame::moment).collect();
-        moments.insert(place, frame.moment());
-        let mut needed = self.needed(&moments);
+        let mut keys: Vec<_> = self.frames.iter().map(WorstFrame::key).collect();
+        keys.insert(place, frame.clone());
+        let mut needed = self.needed(&keys);
         if needed.remove(place) {
             let mut needed = needed.into_iter();
             self.frames.retain(|_| needed.next().unwrap_or_default());
@@ -123,35 +138,38 @@ impl<T> WorstFrames<T> {
     pub fn finish(self) -> Vec<WorstFrame<T>> {
         let mut chosen: Vec<WorstFrame<T>> = Vec::new();
         for frame in self.frames {
-            let mut others = chosen.iter().map(WorstFrame::moment);
-            if chosen.len() < MAX_WORST && !others.any(|own| own.is_near(&frame.moment())) {
+            if chosen.len() < MAX_WORST && !chosen.iter().any(|own| own.is_near(&frame)) {
                 chosen.push(frame);
             }
         }
         chosen
     }
 
-    /// Per frame, the worst first, if it may be chosen, whatever other frames there are.
-    fn needed(&self, moments: &[FrameMoment]) -> Vec<bool> {
+    /// Per frame, the worst first, if it may be chosen, whatever other frames there are. Notes the
+    /// last certain one.
+    fn needed(&mut self, keys: &[WorstFrame<()>]) -> Vec<bool> {
         let mut needed: Vec<bool> = Vec::new();
         let mut certain = 0;
-        for (i, own) in moments.iter().enumerate() {
+        for (i, own) in keys.iter().enumerate() {
             // The kept ones that are worse than a frame and may hide it.
             let near = |i: usize| {
                 let worse = needed.iter().take(i).enumerate();
                 let kept = worse.filter(|(_, is_needed)| **is_needed).map(|(j, _)| j);
-                kept.filter(move |j| moments[*j].is_near(&moments[i]))
+                kept.filter(move |j| keys[*j].is_near(&keys[i]))
             };
             // Another frame hides it, or is hidden by one that hides this one, too.
             let is_hidden = near(i).any(|j| {
-                let [before, after] = self.open_sides(&moments[j]);
-                let is_between = (!before || own.stamp_ns <= moments[j].stamp_ns)
-                    && (!after || own.stamp_ns >= moments[j].stamp_ns);
-                is_between && near(j).all(|h| moments[h].is_near(own))
+                let [before, after] = self.open_sides(&keys[j]);
+                let is_between = (!before || own.stamp_ns <= keys[j].stamp_ns)
+                    && (!after || own.stamp_ns >= keys[j].stamp_ns);
+                is_between && near(j).all(|h| keys[h].is_near(own))
             });
             let is_needed = !is_hidden && certain < MAX_WORST;
             if is_needed && near(i).next().is_none() && self.open_sides(own) == [false; 2] {
                 certain += 1;
+                if certain == MAX_WORST {
+                    self.least = Some(own.clone());
+                }
             }
             needed.push(is_needed);
         }
@@ -159,7 +177,7 @@ impl<T> WorstFrames<T> {
     }
 
     /// True if a frame before the first of its run, or after the last, may be near.
-    fn open_sides(&self, own: &FrameMoment) -> [bool; 2] {
+    fn open_sides(&self, own: &WorstFrame<()>) -> [bool; 2] {
         let run = self.run.filter(|(run, _)| *run == own.run);
         let ends = run.zip(own.stamp_ns);
         ends.map_or([false; 2], |((_, ends), stamp_ns)| {
@@ -173,32 +191,12 @@ impl<T> WorstFrames<Option<T>> {
     /// order in which they came.
     pub fn take_pictures(&mut self) -> Vec<WorstFrame<T>> {
         let frames = self.frames.iter_mut().filter_map(|frame| {
-            Some(WorstFrame {
-                badness: frame.badness,
-                run: frame.run,
-                place: frame.place,
-                stamp_ns: frame.stamp_ns,
-                picture: frame.picture.take()?,
-            })
+            let picture = frame.picture.take()?;
+            Some(frame.key().replace(picture).0)
         });
         let mut frames: Vec<_> = frames.collect();
         frames.sort_by_key(|frame| (frame.run, frame.place));
         frames
-    }
-}
-
-/// The run of a frame, and its stamp, if it follows others.
-#[derive(Clone, Copy)]
-struct FrameMoment {
-    run: usize,
-    stamp_ns: Option<u64>,
-}
-
-impl FrameMoment {
-    fn is_near(&self, other: &Self) -> bool {
-        let stamps = self.stamp_ns.zip(other.stamp_ns);
-        let apart_ns = stamps.map(|(a, b)| a.abs_diff(b));
-        self.run == other.run && apart_ns.is_some_and(|ns| ns < MIN_APART_NS)
     }
 }
 

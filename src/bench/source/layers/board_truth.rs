@@ -24,7 +24,7 @@ const MAX_MOTION_PX: f64 = 1.0;
 /// Part of a square that is truth around the outer corners.
 const MARGIN: f64 = 0.9;
 
-/// What the last pair shows, by its number, before it is rectified; true of a raw one.
+/// Detections of the last pair, by its number, before it is rectified; true of a raw one.
 type SeenBoard = Arc<Mutex<Option<(u64, bool, [Detection; 2])>>>;
 
 /// Finds the board in pairs as they were read, for [`BoardTruth`].
@@ -255,7 +255,7 @@ impl BoardTruth {
     }
 }
 
-/// How long distances on a board are by the rig, of the printed ones.
+/// Ratios of distances on a board by the rig to the printed ones.
 #[derive(Default)]
 pub struct BoardScale {
     /// Per pair the scale, and that along rows over that along columns.
@@ -329,11 +329,12 @@ impl RigScale {
 
     /// The scale in words.
     pub fn words(&self) -> String {
-        let percent = |scale: f64| 100.0 * (scale - 1.0);
+        // To a tenth, and never -0.
+        let percent = |scale: f64| (1000.0 * (scale - 1.0)).round() / 10.0 + 0.0;
         let than = if self.scale > 1.0 { "long" } else { "short" };
         let mut ends = self
             .interval
-            .map(|end| percent(end) * (self.scale - 1.0).signum());
+            .map(|end| percent(end) * (self.scale - 1.0).signum() + 0.0);
         ends.sort_by(f64::total_cmp);
         let stretched = (self.stretch - 1.0).abs() > Self::MAX_STRETCH;
         let stretched = stretched.then(|| {

@@ -134,17 +134,17 @@ fn check_scale(
         taken += 1;
     }
     let name = source.name();
-    source.finish(taken);
+    report_losses(&name, &source.finish(taken));
     let Some(scale) = scale.scale() else {
         bail!("{name}: no pair with the board has a calibration in metres: --calib FILE");
     };
     print_value(args.json, &scale, || {
         serde_json::Result::Ok(format!("{name}\n{}\n", scale.words()))
     })?;
-    match scale.is_off() {
-        true => Err(Error::format(name, scale.words()).into()),
-        false => Ok(()),
+    if scale.is_off() {
+        return Err(Error::format(name, scale.words()).into());
     }
+    Ok(())
 }
 
 const FIELDS: &[DataField] = &[

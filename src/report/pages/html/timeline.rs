@@ -95,17 +95,7 @@ impl Timeline {
             _ => runs[(bin * together).min(runs.len() - 1)].clone(),
         };
         let count = rows().map(place).max().unwrap_or(0) + 1;
-        let mut lanes: Vec<(String, Vec<Vec<RowRef<'_>>>)> = Vec::new();
-        for row in rows() {
-            let lane = lanes
-                .iter()
-                .position(|(label, _)| *label == row.algorithm());
-            let lane = lane.unwrap_or_else(|| {
-                lanes.push((row.algorithm().to_owned(), vec![Vec::new(); count]));
-                lanes.len() - 1
-            });
-            lanes[lane].1[place(row)].push(row);
-        }
+        let lanes = lanes(rows(), count, place);
         let bin = |label: &str, i: usize, rows: &[RowRef<'_>]| {
             let Some(worst) = worst_pair(rows) else {
                 return Bin::default();
@@ -152,6 +142,25 @@ impl Timeline {
             lanes: lanes.into_iter().map(lane).collect(),
         }
     }
+}
+
+/// The rows of each algorithm by bins.
+fn lanes<'a>(
+    rows: impl Iterator<Item = RowRef<'a>>,
+    count: usize,
+    place: impl Fn(RowRef<'a>) -> usize,
+) -> Vec<(String, Vec<Vec<RowRef<'a>>>)> {
+    let mut lanes: Vec<(String, Vec<Vec<RowRef<'a>>>)> = Vec::new();
+    for row in rows {
+        let mut labels = lanes.iter().map(|(label, _)| label);
+        let lane = labels.position(|label| *label == row.algorithm());
+        let lane = lane.unwrap_or_else(|| {
+            lanes.push((row.algorithm().to_owned(), vec![Vec::new(); count]));
+            lanes.len() - 1
+        });
+        lanes[lane].1[place(row)].push(row);
+    }
+    lanes
 }
 
 /// The second, or frame without a time, in which an algorithm misses the most cells, then has the
