@@ -7,12 +7,19 @@ use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
 use svl_score::judge::{Checkpoint, Verdict, judge_cells};
 use svl_score::manifest::Manifest;
+use svl_score::scenario::CellTable;
 
 /// The rules of the scenario by which its frames were scored.
 pub(crate) struct ScoreRule {
     shape: GridShape,
     pub(crate) cells: CellRule,
     pub(crate) checkpoints: Vec<Checkpoint>,
+}
+
+/// The rule of a report's cells.
+pub(crate) fn cell_rule(manifest: &Manifest) -> Result<CellRule> {
+    let table: Option<CellTable> = manifest.part("cells")?;
+    Ok(table.unwrap_or_default().rule)
 }
 
 impl ScoreRule {
@@ -22,7 +29,7 @@ impl ScoreRule {
                 .part::<GridSettings>("grid")?
                 .unwrap_or_default()
                 .shape(),
-            cells: manifest.part("cells")?.unwrap_or_default(),
+            cells: cell_rule(manifest)?,
             checkpoints: manifest.part("checkpoint")?.unwrap_or_default(),
         })
     }

@@ -18,7 +18,7 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
-pub use latency::DriveLatency;
+pub use latency::{CellLatency, CellTable, Latency};
 pub use limit::{EXACT, Limit, PRIOR, WITNESS, is_of_witness, witness};
 pub use pairs::{CropScale, PairRange};
 pub use ranges::{DistanceRange, RangeEnds};
@@ -70,6 +70,8 @@ pub struct Scenario {
     pub algorithms: Vec<Algorithm>,
     pub grid: GridSettings,
     pub cells: CellRule,
+    /// The latency after which cells are scored, too.
+    pub latency: Option<CellLatency>,
     pub source: ScenarioSource,
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
@@ -170,6 +172,7 @@ impl Scenario {
             algorithms,
             grid: GridSettings::default(),
             cells: CellRule::default(),
+            latency: None,
             source: ScenarioSource::Recording(runs),
             options,
             checkpoints: Vec::new(),
