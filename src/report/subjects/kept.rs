@@ -4,7 +4,7 @@ use crate::rows::held::Row;
 use crate::rows::records::CellRow;
 use svl_core::Result;
 use svl_core::depth::GridSettings;
-use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
+use svl_core::stereo::{Cell, CellRule, CellState, DepthGrid, GridShape};
 use svl_score::judge::{Checkpoint, Verdict, judge_cells};
 use svl_score::manifest::Manifest;
 use svl_score::scenario::CellTable;
@@ -75,14 +75,9 @@ fn depth_grid(
         if column >= shape.columns || line >= shape.rows {
             return None;
         }
-        let depth = row.depth().map(|depth| CellDepth {
-            infinity_px,
-            distance_m: row.distance_m,
-            ..depth
-        });
         cells[line * shape.columns + column] = Some(Cell {
             valid_share: row.valid_share,
-            depth,
+            depth: row.depth(infinity_px),
             probability: row.probability,
             too_close: row.state == Some(CellState::TooClose),
             near: row.near_probability,

@@ -71,9 +71,15 @@ impl LateTally {
         for (label, latency_ns) in &self.latencies_ns {
             let own = self.algorithms.entry(label.clone()).or_default();
             if let Some(cells) = cells.get(label.as_str()) {
-                let arrival_ns = stamp_ns + latency_ns;
-                own.due
-                    .push_back(LateAnswer::new(arrival_ns, infinity_px, cells));
+                let report = |cell: &CellRow| {
+                    let is_too_close = cell.state == Some(CellState::TooClose);
+                    let place = (cell.column, cell.row);
+                    (place, cell.depth(infinity_px), is_too_close)
+                };
+                own.due.push_back(LateAnswer {
+                    arrival_ns: stamp_ns + latency_ns,
+                    cells: cells.iter().map(report).collect(),
+                });
             }
             // An answer at once is of its own pair, with a truth or without.
             if !now.cells.is_empty() || *latency_ns == 0 {
@@ -85,24 +91,6 @@ impl LateTally {
         }
         if !now.cells.is_empty() {
             self.before = Some(now);
-        }
-    }
-}
-
-impl LateAnswer {
-    fn new(arrival_ns: u64, infinity_px: Option<f32>, cells: &[CellRow]) -> Self {
-        let report = |cell: &CellRow| {
-            let depth = cell.depth().map(|depth| CellDepth {
-                infinity_px,
-                distance_m: cell.distance_m,
-                ..depth
-            });
-            let is_too_close = cell.state == Some(CellState::TooClose);
-            ((cell.column, cell.row), depth, is_too_close)
-        };
-        Self {
-            arrival_ns,
-            cells: cells.iter().map(report).collect(),
         }
     }
 }

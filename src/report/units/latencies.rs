@@ -4,13 +4,11 @@ use super::facts::RunFacts;
 use super::plan::ReportPlan;
 use super::run_units::RunUnits;
 use super::store::StoredSession;
-use crate::rows::held::Rows;
-use crate::rows::samples::grouped;
+use crate::results::summary::Results;
 use std::collections::BTreeMap;
-use svl_core::statistics::nearest_rank;
 use svl_core::{Result, listed, matcher};
 use svl_score::manifest::AlgorithmRecord;
-use svl_score::scenario::{CellLatency, CellTable};
+use svl_score::scenario::{CellTable, Latency};
 
 /// Longest latency of a topic, milliseconds: a later one is of another clock.
 const MAX_TOPIC_MS: f64 = 10_000.0;
@@ -18,43 +16,30 @@ const MAX_TOPIC_MS: f64 = 10_000.0;
 /// Latencies by algorithm and run.
 #[derive(Default)]
 pub struct Latencies {
-    asked: Option<CellLatency>,
+    asked: Option<Latency>,
     /// By label the median time of a matcher, milliseconds, if it is asked for and is of matching
     /// alone.
     times_ms: BTreeMap<String, f64>,
 }
 
 impl Latencies {
-    /// `rows`: those of the report, where times are asked for.
+    /// `results`: those of the report, where times are asked for.
     ///
     /// # Errors
-    /// Those of the rows.
+    /// Those of the results.
     pub fn new(
         plan: &ReportPlan,
         sessions: &[StoredSession],
-        rows: impl FnOnce() -> Result<Rows>,
+        results: impl FnOnce() -> Result<Results>,
     ) -> Result<Self> {
         let table: Option<CellTable> = plan.manifest.part("cells")?;
         let asked = table.and_then(|table| table.latency_ms);
         let mut sessions = sessions.iter();
         let are_times = sessions.all(|session| session.manifest.shard.is_none());
-        let is_measured = matches!(asked, Some(CellLatency::Measured(_)));
         let mut times_ms = BTreeMap::new();
-        if is_measured && are_times {
-            let rows = rows()?;
-            let rows: Vec<_> = rows.iter().collect();
-            let times = grouped(
-                &rows,
-                |row| row.algorithm(),
-                |own| {
-                    let plain = own.iter().filter(|row| row.stress().is_none());
-                    let mut us: Vec<_> = plain.filter_map(|row| row.total_us()).collect();
-                    us.sort_unstable();
-                    let median_us = nearest_rank(&us, 0.5)?;
-                    Some((own[0].algorithm().to_owned(), median_us as f64 / 1e3))
-                },
-            );
-            times_ms.extend(times.into_iter().flatten());
+        if are_times && matches!(asked, Some(Latency::Measured(_))) {
+            let algorithms = results()?.algorithms.into_iter();
+            times_ms.extend(algorithms.filter_map(|own| Some((own.algorithm, own.p50_ms?))));
         }
         Ok(Self { asked, times_ms })
     }
@@ -74,8 +59,7 @@ impl Latencies {
 
     fn ms(&self, own: &AlgorithmRecord, facts: &RunFacts) -> Option<f64> {
         match self.asked.as_ref()? {
-            CellLatency::Given(latency) => latency.ms(&own.label, matcher::find(&own.name).ok()?),
-            CellLatency::Measured(_) if own.is_recorded() => {
+            Latency::Measured(_) if own.is_recorded() => {
                 let is_own = |topic: &str| own.values.iter().any(|(_, value)| value == topic);
                 let delay = facts.latency.iter().find(|delay| is_own(&delay.topic))?;
                 let [median_ms, _] = delay.topic_ms?;
@@ -83,41 +67,35 @@ impl Latencies {
                     .contains(&median_ms)
                     .then_some(median_ms)
             }
-            CellLatency::Measured(_) => self.times_ms.get(&own.label).copied(),
+            Latency::Measured(_) => self.times_ms.get(&own.label).copied(),
+            latency => latency.ms(&own.label, matcher::find(&own.name).ok()?),
         }
     }
 
     /// What a reader has to know of them: those that were measured, and who has none.
     pub(crate) fn cautions(&self, plan: &ReportPlan, runs: &[RunUnits]) -> Vec<String> {
-        let runs = || runs.iter().filter(|run| run.run.stress.is_none());
-        let (mut known, mut unknown) = ([Vec::new(), Vec::new()], Vec::new());
+        let (mut known, mut unknown) = (Vec::new(), Vec::new());
         for own in plan.manifest.algorithms.iter().filter(|_| self.are_asked()) {
-            let all_ms = runs().filter_map(|run| self.ms(own, &run.facts));
+            let all_ms = runs.iter().filter_map(|run| self.ms(own, &run.facts));
             match all_ms.reduce(f64::max) {
-                Some(ms) => {
-                    known[usize::from(own.is_recorded())].push(format!("{} {ms:.1} ms", own.label))
-                }
+                Some(ms) => known.push(format!("{} {ms:.1} ms", own.label)),
                 None => unknown.push(own.label.as_str()),
             }
         }
-        let is_measured = matches!(self.asked, Some(CellLatency::Measured(_)));
-        let sources = [
-            "the median time on this machine",
-            "the longest on the robot",
-        ];
-        let measured = known
-            .iter()
-            .zip(sources)
-            .filter(|(own, _)| is_measured && !own.is_empty());
-        let measured = measured.map(|(own, source)| {
-            format!("late cells are of a latency of {}: {source}", listed(own))
+        let is_measured = matches!(self.asked, Some(Latency::Measured(_))) && !known.is_empty();
+        let measured = is_measured.then(|| {
+            format!(
+                "late cells: {}: matchers by their median time on this machine, topics by their \
+                 latency on the robot",
+                listed(known)
+            )
         });
         let unknown = (!unknown.is_empty()).then(|| {
             format!(
                 "{}: no late cells, as no latency is known; latency_ms under [cells] sets it",
-                listed(&unknown)
+                listed(unknown)
             )
         });
-        measured.chain(unknown).collect()
+        measured.into_iter().chain(unknown).collect()
     }
 }

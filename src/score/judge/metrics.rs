@@ -531,23 +531,6 @@ pub const METRICS: &[Metric] = &[
              there are some, else of all cells, the mean over the pairs",
         )
         .headline(&[NoTruth]),
-    late("right_late", "cells right on arrival", "right")
-        .part("cells_right_late", More, Fact(|_| None))
-        .note_on(
-            "late",
-            "cells of an answer that arrives --latency after its pair, by the truth at that time: \
-             that of the two pairs around it, each by its part; of the cells with both truths",
-        ),
-    late("wrong_late", "cells wrong on arrival", "wrong").part(
-        "cells_wrong_late",
-        Less,
-        Fact(|_| None),
-    ),
-    late("unknown_late", "cells unknown on arrival", "unknown").part(
-        "cells_unknown_late",
-        Neither,
-        Fact(|_| None),
-    ),
     cells("right_surface", "right cells, by surface", "right")
         .under("by surface, %")
         .part("cells_right_surface", More, Cells(|own| own.right_surface))
@@ -651,6 +634,23 @@ pub const METRICS: &[Metric] = &[
              the mean over the pairs; in whole rows, and only within row_tolerance: `svl \
              calibrate check` measures larger ones",
         ),
+    late("right_late", "cells right on arrival", "right")
+        .part("cells_right_late", More, Fact(|_| None))
+        .note_on(
+            "late",
+            "cells of an answer that arrives --latency after its pair, by the truth at that time: \
+             that of the two pairs around it, each by its part; of the cells with both truths",
+        ),
+    late("wrong_late", "cells wrong on arrival", "wrong").part(
+        "cells_wrong_late",
+        Less,
+        Fact(|_| None),
+    ),
+    late("unknown_late", "cells unknown on arrival", "unknown").part(
+        "cells_unknown_late",
+        Neither,
+        Fact(|_| None),
+    ),
     estimated(
         "estimated_right",
         EstimatedNumber::Right,

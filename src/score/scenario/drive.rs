@@ -177,10 +177,15 @@ impl DriveConfig {
             ..
         } = &self.steering;
         check_ranges("drive.", self, RANGES)?;
-        let latency = self.latency_ms.as_ref();
-        latency.map_or(Ok(()), |latency| {
-            latency.validate("drive.latency_ms", algorithms)
-        })?;
+        match &self.latency_ms {
+            Some(Latency::Measured(_)) => {
+                let words = "drive.latency_ms: expected milliseconds, or a table of them";
+                return Err(Error::Invalid(words.to_owned()));
+            }
+            latency => latency
+                .iter()
+                .try_for_each(|own| own.validate("drive.latency_ms", algorithms))?,
+        }
         check_range("drive.", "steering.stop_m", *stop_m, 0.0, *lookahead_m)?;
         check_range(
             "drive.",

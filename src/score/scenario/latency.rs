@@ -13,13 +13,15 @@ use svl_core::{Error, Result};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected milliseconds, or a table of them by algorithm"
+    expecting = "expected milliseconds, or a table of them by algorithm; of [cells] also \"measured\""
 )]
 pub enum Latency {
     /// One latency of all algorithms.
     All(f64),
     /// By an algorithm's label or name; the others have none.
     Each(BTreeMap<String, f64>),
+    /// Of `[cells]` alone.
+    Measured(MeasuredLatency),
 }
 
 /// The longest latency, milliseconds.
@@ -40,6 +42,7 @@ impl Latency {
     /// name.
     pub fn ms(&self, label: &str, spec: &MatcherSpec) -> Option<f64> {
         match self {
+            Self::Measured(_) => None,
             Self::All(ms) => Some(*ms),
             Self::Each(table) => {
                 let by_label = table.get(label).copied();
@@ -64,6 +67,7 @@ impl Latency {
             ))),
         };
         let table = match self {
+            Self::Measured(_) => return Ok(()),
             Self::All(ms) => return check("", *ms),
             Self::Each(table) => table,
         };
@@ -76,36 +80,26 @@ impl Latency {
     }
 }
 
-/// The latency after which the cells of answers are scored, too.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected milliseconds, a table of them by algorithm, or \"measured\""
-)]
-pub enum CellLatency {
-    Given(Latency),
-    Measured(MeasuredLatency),
-}
-
-/// The word for the latencies that were measured: of a topic on the robot, of a matcher its median
-/// time here.
+/// The word for latencies that were measured: of a topic on the robot, of a matcher its median time
+/// here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MeasuredLatency {
     Measured,
 }
 
-impl FromStr for CellLatency {
+impl FromStr for Latency {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "measured" {
-            return Ok(Self::Measured(MeasuredLatency::Measured));
-        }
         let ms = text.strip_suffix("ms").and_then(|ms| ms.parse().ok());
-        let ms = ms.filter(|ms| (0.0..=MAX_MS).contains(ms));
-        ms.map(|ms| Self::Given(Latency::All(ms)))
-            .ok_or_else(|| format!("expected `measured`, or 0 to {MAX_MS} milliseconds, as 80ms"))
+        match ms.filter(|ms| (0.0..=MAX_MS).contains(ms)) {
+            Some(ms) => Ok(Self::All(ms)),
+            None if text == "measured" => Ok(Self::Measured(MeasuredLatency::Measured)),
+            None => Err(format!(
+                "expected `measured`, or 0 to {MAX_MS} milliseconds, as 80ms"
+            )),
+        }
     }
 }
 
@@ -115,7 +109,7 @@ pub struct CellTable {
     #[serde(flatten)]
     pub rule: CellRule,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub latency_ms: Option<CellLatency>,
+    pub latency_ms: Option<Latency>,
 }
 
 impl Scenario {
@@ -129,16 +123,9 @@ impl Scenario {
             return Ok(());
         };
         let why = match self.source {
-            ScenarioSource::Drive { .. } => {
-                "the latency of drives is drive.latency_ms, by which they steer"
-            }
+            ScenarioSource::Drive { .. } => "drives have drive.latency_ms, by which they steer",
             _ if self.has_separate_pairs() => "each pair shows another scene: omit it",
-            _ => {
-                return match latency {
-                    CellLatency::Given(own) => own.validate("cells.latency_ms", &self.algorithms),
-                    CellLatency::Measured(_) => Ok(()),
-                };
-            }
+            _ => return latency.validate("cells.latency_ms", &self.algorithms),
         };
         Err(Error::Invalid(format!("cells.latency_ms: {why}")))
     }

@@ -18,7 +18,7 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
-pub use latency::{CellLatency, CellTable, Latency};
+pub use latency::{CellTable, Latency, MeasuredLatency};
 pub use limit::{EXACT, Limit, PRIOR, WITNESS, is_of_witness, witness};
 pub use pairs::{CropScale, PairRange};
 pub use ranges::{DistanceRange, RangeEnds};
@@ -71,7 +71,7 @@ pub struct Scenario {
     pub grid: GridSettings,
     pub cells: CellRule,
     /// The latency after which cells are scored, too.
-    pub latency: Option<CellLatency>,
+    pub latency: Option<Latency>,
     pub source: ScenarioSource,
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,

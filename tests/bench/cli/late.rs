@@ -16,7 +16,7 @@ fn an_answer_at_once_is_scored_as_its_pair_and_no_other_number_changes() {
     fixture.transcript(&format!(
         "{SCORE} -o plain
         {SCORE} -o late --latency 0ms
-        compare plain late --json => /comparisons/0/changes"
+        compare plain late => late, points"
     ));
     let summary = |report: &str| fixture.json_file(&format!("{report}/summary.json"));
     let (plain, late) = (summary("plain"), summary("late"));
@@ -58,11 +58,11 @@ fn late_answers_are_in_tables_gates_and_comparisons() {
         {SCORE} -o half --latency 250ms
         cat late/index.html => late, %
         cat late/summary.md => late, %
-        compare half late => cells wrong on arrival
+        compare half late => late, points
         score gated.toml --algo truth --rerun none -q -o gated --gate => 3: \
         truth: cells wrong on arrival | on arrival, at most 0.1 %
         score gated.toml --algo truth --print-scenario => latency_ms = 500
-        {SCORE} -o measured --latency measured => the median time on this machine: v3
+        {SCORE} -o measured --latency measured => by their median time on this machine
         cat measured/summary.json => /algorithms/0/right_late > 0.5
         {SCORE} -o part --latency measured --shard 1/1
         report part -o whole => v3, truth: no late cells, as no latency is known"
@@ -71,7 +71,7 @@ fn late_answers_are_in_tables_gates_and_comparisons() {
         let summary = fixture.json_file(&format!("{report}/summary.json"));
         summary["algorithms"][1]["wrong_late"].as_f64().unwrap()
     };
-    assert!(wrong("half") > 0.0 && wrong("late") > wrong("half"));
+    assert!(wrong("half") > 0.05 && wrong("late") > 0.05);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn a_latency_that_cannot_be_is_refused_and_one_without_cells_is_told() {
     let expected = "expected `measured`, or 0 to 10000 milliseconds, as 80ms";
     fixture.write("small.toml", super::drive::courses(""));
     fixture.transcript(&format!(
-        "score short.toml --latency -1ms => 2: {expected}
+        "score short.toml --latency=-1ms => 2: {expected}
         score short.toml --latency 10001ms => 2: {expected}
         score short.toml --latency nanms => 2: {expected}
         score short.toml --latency 80 => 2: {expected}

@@ -172,7 +172,7 @@ pub(crate) struct Args {
         help_heading = "Scoring",
         hide_short_help = true
     )]
-    latency: Option<CellLatency>,
+    latency: Option<Latency>,
     /// Explain the columns
     #[arg(long, help_heading = "Output")]
     explain: bool,
