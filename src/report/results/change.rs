@@ -284,10 +284,12 @@ impl Change {
 pub(crate) fn is_ranked(metric: &Metric) -> bool {
     let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
     let is_estimated = metric.estimated().is_some();
+    let is_of_pieces = matches!(metric.origin, MetricOrigin::Pieces { .. });
     metric.better != Better::Neither
         && metric.unit != MetricUnit::Ms
         && !is_of_checkpoints
         && !is_estimated
+        && !is_of_pieces
 }
 
 impl Judgement {
