@@ -287,10 +287,14 @@ record! {
 }
 
 impl CellRow {
-    /// The reported disparities.
-    pub(crate) fn depth(&self) -> Option<CellDepth> {
+    /// The reported disparities and distance, where infinity has that disparity.
+    pub(crate) fn depth(&self, infinity_px: Option<f32>) -> Option<CellDepth> {
         let px = [self.p20_px?, self.median_px?, self.p80_px?];
-        Some(CellDepth::new(px.map(|px| px as f32), None))
+        Some(CellDepth {
+            infinity_px,
+            distance_m: self.distance_m,
+            ..CellDepth::new(px.map(|px| px as f32), None)
+        })
     }
 }
 

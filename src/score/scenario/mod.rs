@@ -19,7 +19,7 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
-pub use latency::DriveLatency;
+pub use latency::{CellTable, Latency, MeasuredLatency};
 pub use limit::{EXACT, Limit, PRIOR, WITNESS, is_of_witness, witness};
 pub use pairs::{CropScale, PairRange};
 pub use ranges::{DistanceRange, RangeEnds};
@@ -71,6 +71,8 @@ pub struct Scenario {
     pub algorithms: Vec<Algorithm>,
     pub grid: GridSettings,
     pub cells: CellRule,
+    /// The latency after which cells are scored, too.
+    pub latency: Option<Latency>,
     pub source: ScenarioSource,
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
@@ -173,6 +175,7 @@ impl Scenario {
             algorithms,
             grid: GridSettings::default(),
             cells: CellRule::default(),
+            latency: None,
             source: ScenarioSource::Recording(runs),
             options,
             checkpoints: Vec::new(),

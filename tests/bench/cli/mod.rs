@@ -30,6 +30,7 @@ mod info;
 mod inputs;
 pub mod interrupt;
 mod label;
+mod late;
 mod live;
 mod losses;
 mod matching;
