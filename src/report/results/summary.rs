@@ -7,7 +7,7 @@ use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, record};
 use crate::rows::samples::{self, grouped};
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{self, DriveRow, DriveSummary, TrackRow};
-use crate::subjects::pieces::{PieceRow, SeenShares, SightRow, seen_shares};
+use crate::subjects::pieces::{PieceRow, SeenShares, SightRow, narrowest, seen_shares};
 use crate::subjects::recordings::{RecordingSummary, recordings};
 use crate::subjects::reliability::ReliabilityRow;
 use crate::subjects::sources::Sources;
@@ -705,10 +705,8 @@ impl Results {
 
     /// Adds the reaches of the narrowest test piece.
     fn add_pieces(&mut self, rows: &[PieceRow]) {
-        let width_m = rows.iter().map(|row| row.width_m);
-        let narrowest = width_m.fold(f64::INFINITY, f64::min);
-        let reach = METRICS.iter().find(|metric| metric.name == "reach");
-        for row in rows.iter().filter(|row| row.width_m == narrowest) {
+        let reach = Metric::find("reach");
+        for row in narrowest(rows) {
             let mut own = self.algorithms.iter_mut().chain(&mut self.references);
             let own = own.find(|own| own.algorithm == row.algorithm);
             if let (Some(own), Some(measured), Some(reach)) = (own, row.measured(), reach) {

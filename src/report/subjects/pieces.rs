@@ -212,6 +212,15 @@ impl PieceRow {
     }
 }
 
+/// The rows of the narrowest piece.
+pub(crate) fn narrowest(rows: &[PieceRow]) -> impl Iterator<Item = &PieceRow> {
+    let width_m = rows
+        .iter()
+        .map(|row| row.width_m)
+        .fold(f64::INFINITY, f64::min);
+    rows.iter().filter(move |row| row.width_m == width_m)
+}
+
 /// The reaches of all algorithms and pieces, in their order, and of the exact distances last.
 pub fn pieces(rows: &[SightRow]) -> Vec<PieceRow> {
     let all_rows: Vec<_> = rows.iter().collect();

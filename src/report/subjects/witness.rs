@@ -139,7 +139,7 @@ impl EstimateRow {
     }
 
     /// A number, and the cells that it rests on.
-    pub(crate) fn about(&self, number: EstimatedNumber) -> Option<Measured> {
+    pub fn about(&self, number: EstimatedNumber) -> Option<Measured> {
         self.measured(number, 0)
     }
 
