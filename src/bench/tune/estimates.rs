@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use svl_core::Result;
 use svl_core::stereo::{CellRule, Rig};
-use svl_report::compare::{Change, estimated_changes};
+use svl_report::compare::{Change, untested_changes};
 use svl_report::{CellRow, ComparedPair, EstimateRow, WitnessTally};
 use svl_score::judge::{AreaChoice, Judged};
 
@@ -59,7 +59,7 @@ impl SampleCells {
         let rows = self.tally(frames, rule).into_rows(labels, |_| None);
         let rows = rows.iter().filter(|row| row.area == AreaChoice::default());
         let rows: Vec<&EstimateRow> = rows.collect();
-        estimated_changes([rows.first().copied(), rows.get(1).copied()])
+        untested_changes(|metric, side| rows.get(side)?.about(metric.estimated()?))
     }
 
     /// The estimated right cells of a setting in a frame.

@@ -6,7 +6,7 @@ use super::join::{Join, JoinedAlgorithm};
 use super::scored_run::ScoredRun;
 use crate::compare::courses::is_alike;
 use crate::results::change::{
-    Change, Changes, CheckpointName, Judgement, NotMeasured, decide, deciding, estimated_changes,
+    Change, Changes, CheckpointName, Judgement, NotMeasured, decide, deciding, untested_changes,
 };
 use crate::rows::held::RowRef;
 use crate::rows::samples::{paired, runs, sample_in};
@@ -323,8 +323,9 @@ impl AlgorithmChange {
             measured: mut metrics,
             not_measured,
         } = Changes::over([&a, &b], errors.as_ref(), base.area, &runs, METRICS);
-        let estimates = [0, 1].map(|side| join.runs[side].estimate(own.labels[side]));
-        metrics.extend(estimated_changes(estimates));
+        metrics.extend(untested_changes(|metric, side| {
+            join.runs[side].whole(metric, own.labels[side])
+        }));
         if !are_times_comparable(join.runs, &own.pairs) {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }

@@ -11,7 +11,7 @@ pub(crate) mod text;
 pub(crate) mod trend;
 
 pub use crate::results::change::{
-    Change, CheckpointName, Judgement, NotMeasured, changes, estimated_changes,
+    Change, CheckpointName, Judgement, NotMeasured, changes, untested_changes,
 };
 pub use comparison::{AlgorithmChange, Comparison, Conclusion};
 pub use frames::{FindLeft, FrameCounts};

@@ -6,13 +6,14 @@ use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record};
 use crate::subjects::accuracy::{AccuracyRow, AccuracyTally, AskedRange, PairErrors, RunRanges};
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
 use crate::subjects::kept::cell_rule;
+use crate::subjects::pieces::{PieceRow, narrowest};
 use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::sources::Sources;
 use crate::subjects::witness::EstimateRow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_score::judge::AreaChoice;
+use svl_score::judge::{AreaChoice, Measured, Metric, MetricOrigin};
 use svl_score::losses::{EndState, Ending};
 use svl_score::manifest::{AlgorithmRecord, Manifest, read_json};
 
@@ -31,6 +32,7 @@ pub struct ScoredRun {
     /// Errors by distance; those of pixels are of all pairs.
     accuracy: Vec<AccuracyRow>,
     estimates: Vec<EstimateRow>,
+    pieces: Vec<PieceRow>,
     pub(super) failures: Vec<FailureRow>,
     checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
@@ -108,6 +110,7 @@ impl ScoredRun {
             },
             accuracy: optional(folder, "accuracy.csv")?,
             estimates: optional(folder, "estimates.csv")?,
+            pieces: optional(folder, "pieces.csv")?,
             failures: optional(folder, "failures.csv")?,
             checkpoints: optional(folder, "checkpoints.csv")?,
             drives: optional(folder, "drives.csv")?,
@@ -158,10 +161,16 @@ impl ScoredRun {
         rows.filter(|row| row.algorithm() == name).collect()
     }
 
-    /// The estimated errors of an algorithm in the area.
-    pub(super) fn estimate(&self, label: &str) -> Option<&EstimateRow> {
+    /// A metric of an algorithm that is known of all pairs together alone.
+    pub(super) fn whole(&self, metric: &Metric, label: &str) -> Option<Measured> {
+        let Some(number) = metric.estimated() else {
+            let is_reach = matches!(metric.origin, MetricOrigin::Pieces { .. });
+            let mut rows = narrowest(&self.pieces).filter(|row| row.algorithm == label);
+            return rows.next().filter(|_| is_reach)?.measured();
+        };
         let mut rows = self.estimates.iter();
-        rows.find(|row| row.algorithm == label && row.area == self.area)
+        let own = rows.find(|row| row.algorithm == label && row.area == self.area);
+        own?.about(number)
     }
 
     pub(super) fn labels(&self) -> Vec<&str> {

@@ -4,13 +4,12 @@
 use crate::rows::held::RowRef;
 use crate::rows::samples::{self, runs, sample_in};
 use crate::subjects::accuracy::{PairErrors, RangeErrors};
-use crate::subjects::witness::EstimateRow;
 use serde::Serialize;
 use svl_score::bootstrap::{Interval, RunLengths, Sample};
 use svl_score::holm;
 use svl_score::judge::{
-    AreaChoice, Better, Cases, ColumnChoice, METRICS, Metric, MetricOrigin, MetricSource as _,
-    MetricUnit, TruthLevel,
+    AreaChoice, Better, Cases, ColumnChoice, METRICS, Measured, Metric, MetricOrigin,
+    MetricSource as _, MetricUnit, TruthLevel,
 };
 
 /// A number in both reports.
@@ -83,21 +82,18 @@ pub fn changes(
     Changes::over([base, other], None, area, &runs, metrics).measured
 }
 
-/// The changes of estimated errors, of which no test tells if they are chance.
-pub fn estimated_changes(both: [Option<&EstimateRow>; 2]) -> Vec<Change> {
+/// The changes of numbers of all pairs together, of which no test tells if they are chance: errors
+/// that are estimated, the reach of test pieces. `measured`: a metric's value of either side.
+pub fn untested_changes(
+    measured: impl Fn(&'static Metric, usize) -> Option<Measured>,
+) -> Vec<Change> {
     let change = |metric: &'static Metric| {
-        let number = metric.estimated()?;
-        let [base, other] = both.map(|own| own?.about(number));
-        let (base, other) = base.zip(other)?;
+        let [base, other] = [measured(metric, 0)?, measured(metric, 1)?];
+        let values = [metric.value_of(base)?, metric.value_of(other)?];
         Some(Change {
             cases: Some([base.cases, other.cases]),
             judgement: Judgement::Unjudged,
-            ..Change::new(
-                metric,
-                [base.value, other.value],
-                other.value - base.value,
-                None,
-            )
+            ..Change::new(metric, values, values[1] - values[0], None)
         })
     };
     METRICS.iter().filter_map(change).collect()
@@ -283,7 +279,8 @@ impl Change {
 /// the pairs that are resampled.
 pub(crate) fn is_ranked(metric: &Metric) -> bool {
     let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
-    let is_other = metric.estimated().is_some() || metric.is_late();
+    let is_of_pieces = matches!(metric.origin, MetricOrigin::Pieces { .. });
+    let is_other = metric.estimated().is_some() || metric.is_late() || is_of_pieces;
     metric.better != Better::Neither
         && metric.unit != MetricUnit::Ms
         && !is_of_checkpoints

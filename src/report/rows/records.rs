@@ -279,6 +279,8 @@ record! {
         near_distance_m: Option<f64>,
         /// Disparity of that surface.
         near_px: Option<f64>,
+        /// Distance of the test piece, of a cell that shows it and nothing else that is as near.
+        piece_m: Option<f64>,
         /// Probability that the cell has a surface there.
         surface_probability: Option<f64>,
     }

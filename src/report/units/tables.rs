@@ -14,6 +14,7 @@ use crate::subjects::accuracy::{AccuracyTally, RunRanges};
 use crate::subjects::checkpoints::CheckpointTallies;
 use crate::subjects::kept::ScoreRule;
 use crate::subjects::late::LateTally;
+use crate::subjects::pieces::pieces;
 use crate::subjects::references::ReferenceTally;
 use crate::subjects::reliability::ReliabilityTallies;
 use crate::subjects::witness::{ComparedPair, WitnessTally};
@@ -58,6 +59,10 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.reliability = read_rows(&file("reliability"))?;
         tables.references = RowReader::open(&file("references"))?.collect::<Result<_>>()?;
         tables.estimates = read_rows(&file("estimates"))?;
+        if plan.has_pieces() {
+            tables.sights = read_rows(&file("sights"))?;
+            tables.pieces = read_rows(&file("pieces"))?;
+        }
     }
     Ok(tables)
 }
@@ -112,6 +117,10 @@ pub fn write_tables(
             tables.references.iter().map(RowRef::to_row),
         )?;
         write_table(folder, "estimates", tables.estimates.iter().cloned())?;
+        if plan.has_pieces() {
+            write_table(folder, "sights", tables.sights.iter().cloned())?;
+            write_table(folder, "pieces", tables.pieces.iter().cloned())?;
+        }
     }
     Ok(tables)
 }
@@ -217,6 +226,7 @@ pub fn collect_tables(
                 tables.rows.extend(rows.rows);
                 tables.drives.extend(rows.drives);
                 tables.tracks.extend(rows.tracks);
+                tables.sights.extend(rows.sights);
                 Ok(())
             };
         // The truth of the cells is that of the first algorithm: all have the same.
@@ -276,6 +286,7 @@ pub fn collect_tables(
     } = numbers;
     let ranges = ranges.in_order(&accuracy);
     tables.accuracy = accuracy.into_rows(&plan.labels(), &ranges);
+    tables.pieces = pieces(&tables.sights);
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.references = references.into_rows(rule.cells);
     if plan.has_estimates() {

@@ -229,6 +229,11 @@ pub enum MetricOrigin {
     Checkpoints,
     /// The drives through courses.
     Drives(DriveNumber),
+    /// The approaches to the narrowest test piece.
+    Pieces {
+        /// Column in the summary.
+        column: &'static str,
+    },
 }
 
 /// A number of the errors of an algorithm's distances.
@@ -678,6 +683,15 @@ pub const METRICS: &[Metric] = &[
         "sure, wrong",
     )
     .unit(Share, Less),
+    metric("reach", "reach of the narrowest test piece", "", "reach, m")
+        .origin(MetricOrigin::Pieces { column: "reach_m" })
+        .unit(M, More)
+        .over(CaseKind::Items("run*"))
+        .at_least(59, None)
+        .note(
+            "distance from which 95 % of the approaches to the narrowest test piece always see \
+             it, with a confidence of 95 %: docs/reach.md",
+        ),
     perturbed("same", "cells as unperturbed", "same")
         .part("cells_same", More, Fact(|_| None))
         .note_on(
@@ -914,7 +928,8 @@ impl Metric {
         match self.origin {
             MetricOrigin::Frame { column, .. }
             | MetricOrigin::Cells { column, .. }
-            | MetricOrigin::Estimated { column, .. } => Some(column),
+            | MetricOrigin::Estimated { column, .. }
+            | MetricOrigin::Pieces { column } => Some(column),
             _ => None,
         }
     }

@@ -7,7 +7,7 @@ use super::{
     CellKeys, DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter,
     ScenarioKind, ScenarioSource, SourceOptions, distinct_kinds,
 };
-use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice};
+use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, PieceConfig};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use svl_core::depth::GridSettings;
@@ -37,6 +37,7 @@ pub(super) struct File {
     pub(super) source: SourceOptions,
     pub(super) arena: Option<ArenaConfig>,
     pub(super) drive: Option<DriveConfig>,
+    pub(super) piece: Option<PieceConfig>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) checkpoint: Vec<Checkpoint>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -132,7 +133,7 @@ impl File {
         for checkpoint in &self.checkpoint {
             check_place(checkpoint, &source)?;
         }
-        let scenario = Scenario {
+        let mut scenario = Scenario {
             name: self.name,
             description: self.description,
             algorithms,
@@ -142,6 +143,7 @@ impl File {
             source,
             options,
             checkpoints: self.checkpoint,
+            piece: None,
             columns: self.columns,
             ranges: self.ranges,
             filters,
@@ -150,6 +152,9 @@ impl File {
             text: text.to_owned(),
         };
         scenario.check_latency()?;
+        if let Some(piece) = self.piece {
+            scenario.set_piece(piece)?;
+        }
         Ok(scenario)
     }
 }

@@ -6,6 +6,7 @@ mod filter;
 mod latency;
 mod limit;
 mod pairs;
+mod piece;
 mod ranges;
 mod recordings;
 mod seeds;
@@ -27,7 +28,7 @@ pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
-use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
+use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge, PieceConfig};
 use file::File;
 use std::path::Path;
 use svl_core::depth::GridSettings;
@@ -76,6 +77,8 @@ pub struct Scenario {
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
     pub checkpoints: Vec<Checkpoint>,
+    /// The test pieces that the runs approach.
+    pub piece: Option<PieceConfig>,
     /// Metrics that tables show.
     pub columns: ColumnChoice,
     /// The distances at which the ranges of errors end.
@@ -176,6 +179,7 @@ impl Scenario {
             source: ScenarioSource::Recording(runs),
             options,
             checkpoints: Vec::new(),
+            piece: None,
             columns: ColumnChoice::Headline,
             ranges: RangeEnds::default(),
             filters: Vec::new(),
@@ -310,6 +314,7 @@ impl Scenario {
             grid: self.grid,
             cells: self.cells,
             checkpoints: self.checkpoints.clone(),
+            pieces: self.piece.clone(),
             ..Judge::default()
         }
     }

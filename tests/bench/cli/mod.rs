@@ -37,6 +37,7 @@ mod matching;
 mod merge;
 mod messages;
 mod own_data;
+mod pieces;
 mod prior;
 mod record;
 mod rectify;
