@@ -1,10 +1,10 @@
 """The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, on the loopback interface.
 
-    ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched]
+    ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched] [until=FILE]
     ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS
 
-`latched`: the calibrations are sent once, for late subscribers too. `publish` prints, when it is done, a JSON line per
-pair: stamp and CRC-32 of left and right. `read` prints a JSON line per message that svl publishes.
+`latched`: the calibrations are sent once, for late subscribers too. `until`: ends before PAIRS once that file is there.
+`publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line per message that svl publishes.
 """
 
 import json
@@ -180,6 +180,7 @@ def publish(domain, pairs, hz, width, height, *options):
     width, height, hz = int(width), int(height), float(hz)
     Image = image_of(width * height)
     latched = "latched" in options
+    until = [option.removeprefix("until=") for option in options if option.startswith("until=")]
     participant = DomainParticipant(int(domain))
     writer = lambda topic, kind, qos: DataWriter(participant, Topic(participant, f"rt{topic}", kind), qos=qos)
     images = [writer(f"{topic}{name}", Image, BEST_EFFORT) for topic in topics]
@@ -188,6 +189,8 @@ def publish(domain, pairs, hz, width, height, *options):
     texture = numpy.random.default_rng(1).integers(0, 256, (height, width + 256), dtype=numpy.uint8)
     begin, lines = time.time(), []
     for i in range(int(pairs)):
+        if any(map(os.path.exists, until)):
+            break
         time.sleep(max(0, begin + i / hz - time.time()))
         now = time.time_ns()
         stamp = Time(now // 10**9, now % 10**9)

@@ -71,14 +71,26 @@ fn live_topics_are_recorded_to_be_scored() {
     assert_eq!(hashes(&first), hashes(&second));
 }
 
+/// Longest wait for an svl that failed, so that the test ends.
+const MAX_WAIT: Duration = Duration::from_secs(600);
+
+/// Waits however long another program takes.
+fn wait_for(ready: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !ready() && began.elapsed() < MAX_WAIT {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 #[test]
 fn a_duration_ends_without_publishers() {
     let robot = Robot::start(14, Fault::None);
     let source = robot.source("");
     let fixture = Fixture::new();
     let ran = std::thread::scope(|scope| {
-        scope.spawn(move || {
-            std::thread::sleep(Duration::from_secs(4));
+        scope.spawn(|| {
+            // The file is made once the first pair is there.
+            wait_for(|| fixture.path("run.mcap").exists());
             drop(robot);
         });
         fixture.svl(&format!("record {source} --duration 8 -o run.mcap"))
@@ -90,18 +102,37 @@ fn a_duration_ends_without_publishers() {
     assert!(pairs.is_some_and(|pairs| pairs > 0), "{pairs:?}");
 }
 
+#[cfg(unix)]
 #[test]
 fn live_results_are_published_and_proved_by_a_recording() {
     let robot = Robot::start(1, Fault::None);
     let fixture = Fixture::new();
     let (source, publish) = (robot.source(""), robot.source("/svl"));
-    let line = format!("replay {source} --to 4 --publish {publish} --rows live.csv");
+    let line = format!("replay {source} --publish {publish} --rows live.csv");
+    let (heard_all, replayed) = (AtomicBool::new(false), AtomicBool::new(false));
+    let is = |told: &AtomicBool| told.load(Ordering::Relaxed);
     std::thread::scope(|scope| {
-        scope.spawn(|| fixture.run(&format!("record {source} --duration 5 -o run.mcap")));
-        let replayed = scope.spawn(|| fixture.run(&line));
+        // The recording lasts longer than the replay at both ends.
+        scope.spawn(|| {
+            let record = format!("record {source} -o run.mcap");
+            let (code, stderr) = interrupted(&fixture, &record, || is(&replayed));
+            assert!(matches!(code, Some(0 | 4)), "{stderr}");
+        });
+        let replay = scope.spawn(|| {
+            wait_for(|| fixture.path("run.mcap").exists());
+            let ran = interrupted(&fixture, &line, || is(&heard_all));
+            replayed.store(true, Ordering::Relaxed);
+            ran
+        });
         let names = ["/svl/points", "/svl/scan", "/svl/disparity", "/svl/depth"];
-        let (topics, messages) = heard(&publish, &names, |_| true);
-        assert!(replayed.join().unwrap().contains("received "));
+        let mut clouds = 0;
+        let (topics, messages) = heard(&publish, &names, |_| {
+            clouds += 1;
+            clouds > 30
+        });
+        heard_all.store(true, Ordering::Relaxed);
+        let (code, stderr) = replay.join().unwrap();
+        assert_eq!(code, Some(0), "{stderr}");
         let schema = |name: &str| {
             let found = topics.iter().find(|topic| topic.topic.name == name);
             found.map(|found| found.topic.schema.clone())
@@ -143,12 +174,14 @@ fn live_results_are_published_and_proved_by_a_recording() {
 fn heard(
     address: &str,
     names: &[&str],
-    is_wanted: impl Fn(&[u8]) -> bool,
+    mut is_wanted: impl FnMut(&[u8]) -> bool,
 ) -> (Vec<svl::dds::FoundTopic>, Vec<u8>) {
-    let end = Instant::now() + Duration::from_secs(40);
-    let domain = Domain::join(&address.parse().unwrap()).unwrap();
+    let (domain, began) = (
+        Domain::join(&address.parse().unwrap()).unwrap(),
+        Instant::now(),
+    );
     let topics = loop {
-        assert!(Instant::now() < end, "nothing is published");
+        assert!(began.elapsed() < MAX_WAIT, "nothing is published");
         let topics = domain.topics();
         let is_found = |name: &&str| topics.iter().any(|found| found.topic.name == *name);
         if names.iter().all(is_found) {
@@ -164,12 +197,12 @@ fn heard(
     let mut inbox = TopicInbox::new(domain, &wanted).unwrap();
     let mut first = None;
     while first.is_none() {
-        assert!(Instant::now() < end, "no message came");
+        assert!(began.elapsed() < MAX_WAIT, "no message came");
         let step = Duration::from_millis(50);
         inbox
             .receive(step, |_, message| {
-                if is_wanted(&message) {
-                    first.get_or_insert(message);
+                if first.is_none() && is_wanted(&message) {
+                    first = Some(message);
                 }
             })
             .unwrap();
@@ -238,30 +271,35 @@ fn topics_that_cannot_be_opened_are_one_line() {
 fn a_recording_survives_resets_and_restarts() {
     let fixture = Fixture::new();
     let record = |n, fault, robots: usize| {
-        let robots: Vec<_> = (0..robots).map(|_| Robot::start(n, fault)).collect();
+        let file = fixture.path(&format!("{n}.mcap"));
+        let robots: Vec<_> = (0..robots)
+            .map(|_| {
+                let file = file.clone();
+                Robot::start_until(n, fault, move || file.exists())
+            })
+            .collect();
         let line = format!("record {} --frames 110 -o {n}.mcap", robots[0].source(""));
         let ran = fixture.svl(&line);
         // Two clocks on one topic, or a busy machine, leave images without partners: losses.
         assert!(matches!(ran.code, Some(0 | 4)), "{}", ran.stderr);
-        let mut source = RecordingSource::open(fixture.path(&format!("{n}.mcap"))).unwrap();
+        let mut source = RecordingSource::open(file).unwrap();
         let frames: Vec<_> = std::iter::from_fn(|| source.next().unwrap()).collect();
         assert_eq!(frames.len(), 110);
-        (frames, ran)
+        (frames, ran, robots[0].later_ns())
     };
-    let later_ns = START_NS + robot::LATER * PERIOD_NS;
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            let (frames, _) = record(9, Fault::Returns, 1);
+            let (frames, _, later_ns) = record(9, Fault::Returns, 1);
             assert!(frames[0].stamp_ns < later_ns && frames[109].stamp_ns >= later_ns);
         });
         scope.spawn(|| {
-            let (frames, ran) = record(10, Fault::ClockBack, 1);
+            let (frames, ran, _) = record(10, Fault::ClockBack, 1);
             assert!(frames[0].stamp_ns >= START_NS && frames[109].stamp_ns < START_NS);
-            assert_says(&ran.stderr, &["jumped back by 3599.9"]);
+            assert_says(&ran.stderr, &["jumped back by 3599."]);
             assert_says(&ran.stdout, &["2 jumps of the clock"]);
         });
         scope.spawn(|| {
-            let (frames, _) = record(11, Fault::Grows, 1);
+            let (frames, ..) = record(11, Fault::Grows, 1);
             let (width, height) = robot::SIZE;
             assert_eq!(frames[0].pair.size(), (width, height));
             assert_eq!(frames[109].pair.size(), (2 * width, height));
@@ -269,7 +307,7 @@ fn a_recording_survives_resets_and_restarts() {
             assert!(frames[0].rig().is_some() && frames[109].rig().is_none());
         });
         scope.spawn(|| {
-            let (_, ran) = record(12, Fault::None, 2);
+            let (_, ran, _) = record(12, Fault::None, 2);
             assert_says(&ran.stderr, &["/cam0/image_rect: 2 publishers"]);
         });
     });
@@ -279,9 +317,13 @@ fn a_recording_survives_resets_and_restarts() {
 #[test]
 fn silence_is_published_and_has_a_reason() {
     let fixture = Fixture::new();
-    let robot = Robot::start(13, Fault::OtherType);
+    let rows = fixture.path("rows.csv");
+    let robot = Robot::start_until(13, Fault::OtherType, move || rows.exists());
     let publish = robot.source("/svl");
-    let line = format!("replay {} --publish {publish}", robot.source(""));
+    let line = format!(
+        "replay {} --publish {publish} --rows rows.csv",
+        robot.source("")
+    );
     let stale = AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(|| {

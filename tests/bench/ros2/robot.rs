@@ -3,7 +3,7 @@
 use crate::recording::bag::{Message, camera_info, ros_image};
 use crate::recording::frames::{PERIOD_NS, image};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use svl::dds::{Domain, TopicOutbox};
@@ -26,7 +26,7 @@ pub(super) enum Fault {
     OtherSize,
     /// Each camera has the calibration of the other.
     Swapped,
-    /// From pair [`LATER`] on: a second without publishers, then new ones.
+    /// Once svl has begun: a second without publishers, then new ones.
     Returns,
     /// From then on the publishers of the images have another type.
     OtherType,
@@ -36,13 +36,13 @@ pub(super) enum Fault {
     Grows,
 }
 
-/// The pair before which a fault begins that is not there from the start.
-pub(super) const LATER: u64 = 90;
 pub(super) const HOUR_NS: u64 = 3_600_000_000_000;
 
 pub(super) struct Robot {
     n: u16,
     ended: Arc<AtomicBool>,
+    /// Number of the pair from which on a fault is there that svl does not begin with.
+    later: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -54,25 +54,40 @@ pub(super) fn address(n: u16, topics: &str) -> String {
 }
 
 impl Robot {
-    /// Publishes 15 pairs a second, at most for a minute.
+    /// Publishes 15 pairs a second.
     pub(super) fn start(n: u16, fault: Fault) -> Self {
+        Self::start_until(n, fault, || false)
+    }
+
+    /// The same; a fault that svl does not begin with comes once svl `has_begun`, however long it
+    /// takes to find the topics.
+    pub(super) fn start_until(
+        n: u16,
+        fault: Fault,
+        has_begun: impl Fn() -> bool + Send + 'static,
+    ) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&ended);
+        let later = Arc::new(AtomicU64::new(u64::MAX));
+        let (told, began) = (Arc::clone(&ended), Arc::clone(&later));
         let publish = move || {
             let mut outbox = publishers(n, None);
-            for i in 0..900 {
+            for i in 0.. {
                 if told.load(Ordering::Relaxed) {
                     break;
                 }
-                if i == LATER && [Fault::Returns, Fault::OtherType].contains(&fault) {
-                    drop(outbox);
-                    std::thread::sleep(Duration::from_secs(1));
-                    let other =
-                        (fault == Fault::OtherType).then_some("sensor_msgs/msg/CompressedImage");
-                    outbox = publishers(n, other);
+                if began.load(Ordering::Relaxed) == u64::MAX && has_begun() {
+                    began.store(i, Ordering::Relaxed);
+                    if [Fault::Returns, Fault::OtherType].contains(&fault) {
+                        drop(outbox);
+                        std::thread::sleep(Duration::from_secs(1));
+                        let other = (fault == Fault::OtherType)
+                            .then_some("sensor_msgs/msg/CompressedImage");
+                        outbox = publishers(n, other);
+                    }
                 }
-                for mut message in messages(i, fault) {
-                    if fault == Fault::OtherType && i >= LATER {
+                let is_later = i >= began.load(Ordering::Relaxed);
+                for mut message in messages(i, fault, is_later) {
+                    if fault == Fault::OtherType && is_later {
                         message.data.truncate(24);
                     }
                     outbox.send(message.topic, message.data).unwrap();
@@ -81,7 +96,17 @@ impl Robot {
             }
         };
         let thread = Some(std::thread::spawn(publish));
-        Self { n, ended, thread }
+        Self {
+            n,
+            ended,
+            later,
+            thread,
+        }
+    }
+
+    /// Stamp of the first pair with a fault that svl does not begin with.
+    pub(super) fn later_ns(&self) -> u64 {
+        START_NS + self.later.load(Ordering::Relaxed) * PERIOD_NS
     }
 
     /// Topics of the robot, as a source or as a prefix.
@@ -102,7 +127,7 @@ impl Drop for Robot {
 fn publishers(n: u16, other: Option<&str>) -> TopicOutbox {
     let domain = Domain::join(&address(n, "").parse().unwrap()).unwrap();
     let mut outbox = TopicOutbox::new(domain).unwrap();
-    for message in messages(0, Fault::None) {
+    for message in messages(0, Fault::None, false) {
         let other = other.filter(|_| message.topic.contains("image"));
         let topic = LiveTopic {
             name: message.topic.to_owned(),
@@ -114,10 +139,10 @@ fn publishers(n: u16, other: Option<&str>) -> TopicOutbox {
 }
 
 /// The messages of pair `i`.
-fn messages(i: u64, fault: Fault) -> Vec<Message> {
+fn messages(i: u64, fault: Fault, is_later: bool) -> Vec<Message> {
     let stamp = START_NS + i * PERIOD_NS;
     let stamp = match fault {
-        Fault::ClockBack if i >= LATER => stamp - HOUR_NS,
+        Fault::ClockBack if is_later => stamp - HOUR_NS,
         _ => stamp,
     };
     let right_stamp = match fault {
@@ -125,7 +150,7 @@ fn messages(i: u64, fault: Fault) -> Vec<Message> {
         _ => stamp,
     };
     let size = match fault {
-        Fault::Grows if i >= LATER => (2 * SIZE.0, SIZE.1),
+        Fault::Grows if is_later => (2 * SIZE.0, SIZE.1),
         _ => SIZE,
     };
     let right_size = match fault {
