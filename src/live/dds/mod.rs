@@ -7,7 +7,7 @@ mod outbox;
 
 pub use address::Address;
 pub use inbox::TopicInbox;
-pub use outbox::TopicOutbox;
+pub use outbox::{FoundReader, TopicOutbox};
 
 use rustdds::policy::{Durability, History, Reliability, ResourceLimits};
 use rustdds::{
@@ -115,7 +115,8 @@ fn ros_topic(name: &str, type_name: &str) -> Option<LiveTopic> {
     })
 }
 
-fn qos(reliable: bool, latched: bool) -> QosPolicies {
+/// `samples`: limit on the messages that DDS keeps of a topic.
+fn qos(reliable: bool, latched: bool, samples: i32) -> QosPolicies {
     QosPolicyBuilder::new()
         .reliability(if reliable {
             Reliability::Reliable {
@@ -132,9 +133,9 @@ fn qos(reliable: bool, latched: bool) -> QosPolicies {
         })
         .history(History::KeepLast { depth: DEPTH })
         .resource_limits(ResourceLimits {
-            max_samples: DEPTH,
+            max_samples: samples,
             max_instances: 1,
-            max_samples_per_instance: DEPTH,
+            max_samples_per_instance: samples,
         })
         .build()
 }
