@@ -2,6 +2,7 @@
 
 mod foreign;
 mod robot;
+mod service;
 
 use crate::cli::fixture::{Fixture, assert_says};
 use crate::cli::interrupt::{interrupted, interrupted_times};
