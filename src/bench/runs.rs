@@ -5,8 +5,8 @@ use crate::record;
 use crate::sink::RunningTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
-    self, Chain, Opened, RecordingSource, Request, RunSource, Source, SourceKind, SourceMaps,
-    SourceOrigin, ToldFloor, refuse_topics, run_request,
+    self, ArenaSource, Chain, Opened, RecordingSource, Request, RunSource, Source, SourceKind,
+    SourceMaps, SourceOrigin, ToldFloor, refuse_topics, run_request,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -16,6 +16,7 @@ use svl_grab::Host;
 use svl_score::judge::Judge;
 use svl_score::manifest::InputRecord;
 use svl_score::scenario::{Scenario, ScenarioSource, SourceOptions};
+use svl_sim::arena::Arena;
 
 /// Gives each scenario those source options of the command line that it accepts. `named`: the
 /// user's name of the first one.
@@ -121,6 +122,15 @@ impl ScoredSource {
             Self::Opened(opened) => return Ok(*opened),
             Self::Arena(seed) => seed,
         };
+        if let (Some(_), ScenarioSource::Arena { config, .. }) = (&scenario.piece, &scenario.source)
+        {
+            // Hundreds of short runs: rendered as they are matched, and not stored.
+            let source = ArenaSource::new(Arena::new(config, seed)?, seed);
+            let floor = ToldFloor::below(config.rig.above_floor_m);
+            let mut run = read(scenario, source, (Some(seed), Some(floor)))?;
+            let judge = run.judge(&scenario.judge())?;
+            return Ok((run, judge));
+        }
         let path = cached_run(scenario, seed, console, table)?;
         let source = RecordingSource::open(path)?;
         let header = source.reader.header();

@@ -26,12 +26,12 @@ pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// Threads to compute with [default: one per core; bench: 1]
+    /// Threads to compute with; bench: numbers to compare, as 1,2,4 [default: one per core; bench: 1]
     #[arg(
         long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16),
-        help_heading = "Run"
+        value_delimiter = ',', num_args = 1, action = clap::ArgAction::Set, help_heading = "Run"
     )]
-    threads: Option<u16>,
+    threads: Option<Vec<u16>>,
 
     /// More messages: -v progress, -vv details
     ///
@@ -96,9 +96,14 @@ impl Cli {
                 |_| ExitCode::SUCCESS,
             );
         }
+        let numbers = cli.threads.clone().unwrap_or_default();
+        if numbers.len() > 1 && !matches!(cli.command, Command::Bench(_)) {
+            let words = "--threads: several numbers are compared by `svl bench` alone; give one";
+            return usage::report(&usage::wrong(words.to_owned()));
+        }
         cli.configure();
         let waits_for_keys = cli.command.waits_for_keys();
-        let run = || cli.command.run(cli.quiet, program);
+        let run = || cli.command.run(cli.quiet, &numbers, program);
         // A command runs as one of rayon's threads: beside them it would be one too many for the
         // cores, and they wait for each other. A tool that waits for keys runs beside them: as one
         // of them it would hold a worker while its own threads wait for one, with --threads 1 for
@@ -126,7 +131,8 @@ impl Cli {
         tracing_subscriber::registry()
             .with(NoticeLayer(level).with_filter(ours))
             .init();
-        if let Some(threads) = self.threads.or(self.command.threads())
+        let largest = self.threads.iter().flatten().max().copied();
+        if let Some(threads) = largest.or(self.command.threads())
             && let Err(error) = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads.into())
                 .build_global()

@@ -12,7 +12,9 @@ use crate::results::summary::{ReportTables, ResultParts, Results, Shown, TopicDe
 use crate::rows::held::{RowRef, Rows};
 use crate::rows::samples::grouped;
 use crate::subjects::drives::{COURSES, CoursePlan};
+use crate::subjects::kept::cell_rule;
 use crate::subjects::sources::{SUMMARY, Sources};
+use crate::units::latencies::Latencies;
 use crate::units::plan::ReportPlan;
 use crate::units::run_units::RunUnits;
 use crate::units::shots;
@@ -21,7 +23,6 @@ use crate::units::tables::{collect_tables, made_of, read_tables, write_tables};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::ProgramRecord;
-use svl_core::stereo::CellRule;
 use svl_core::{Error, Result, counted, joined};
 use svl_files::outputs::{
     FolderRule, Outputs, remove_file, remove_special_files, write, write_json,
@@ -93,10 +94,14 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     let new = outputs.place(folder);
     let made_of = made_of(&plan, &runs);
     let is_known = known.units == made_of && known.changed(folder, true).is_none();
+    let latencies = Latencies::new(&plan, &sessions, || {
+        let tables = collect_tables(&plan, &runs, None, |_| Ok(()))?;
+        Ok(Results::from_rows(&tables.rows, &[], None))
+    })?;
     let (place, tables) = if is_known {
         (folder, read_tables(folder, &plan)?)
     } else {
-        (&*new, write_tables(&new, &plan, &runs)?)
+        (&*new, write_tables(&new, &plan, &runs, &latencies)?)
     };
     let names: Vec<_> = TABLES.iter().map(|table| table.name).collect();
     let sources = Sources::for_folder(place, made_of, &names)?;
@@ -106,6 +111,7 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
         plan: &plan,
         sessions: &sessions,
         runs: &runs,
+        latencies: &latencies,
         tables,
     }
     .write(sources)?;
@@ -135,7 +141,7 @@ pub fn results_so_far(folder: &Path) -> Result<ResultsSoFar> {
     let runs = plan.runs.iter();
     let runs = runs.map(|run| RunUnits::read(&units, &plan, run, &sessions, |_| ()));
     let runs = runs.collect::<Result<Vec<_>>>()?;
-    let tables = collect_tables(&plan, &runs, false, |_| Ok(()))?;
+    let tables = collect_tables(&plan, &runs, None, |_| Ok(()))?;
     let summary = Results::from_rows(&tables.rows, &tables.checkpoints, None);
     let replays = replays(&plan, &runs)?;
     Ok(ResultsSoFar {
@@ -174,6 +180,7 @@ struct Report<'a> {
     plan: &'a ReportPlan,
     sessions: &'a [StoredSession],
     runs: &'a [RunUnits],
+    latencies: &'a Latencies,
     tables: ReportTables,
 }
 
@@ -201,13 +208,14 @@ impl Report<'_> {
         let shown = Shown {
             columns: options.columns.cloned().or(columns).unwrap_or_default(),
             sort: options.sort,
-            rule: plan.manifest.part("cells")?.unwrap_or_default(),
+            rule: cell_rule(&plan.manifest)?,
         };
         let mut summary = Results::new(tables, parts, shown)?;
         let untold = self.options_of_truth(&summary)?;
         for warning in nothing_scored(&manifest, &summary)
             .into_iter()
             .chain(untold)
+            .chain(self.untold_latency(&summary))
         {
             tracing::warn!("{warning}");
             summary.warnings.push(warning);
@@ -294,10 +302,30 @@ impl Report<'_> {
         Ok(names.collect::<BTreeSet<_>>().into_iter().collect())
     }
 
+    /// Cautions of late cells, and why there are none.
+    fn untold_latency(&self, summary: &Results) -> Vec<String> {
+        let mut cautions = self.latencies.cautions(self.plan, self.runs);
+        let late = Metric::find("right_late").into_iter();
+        let mut values = late.flat_map(|late| {
+            summary
+                .algorithms
+                .iter()
+                .map(|a| a.totals.measured(late, AreaChoice::All))
+        });
+        if self.latencies.are_asked() && values.all(|own| own.is_none()) {
+            cautions.push(
+                "--latency: no cell is scored late, as that needs the truths of two pairs, with \
+                 stamps at most 0.5 s apart, around the arrival of an answer before the run ends"
+                    .to_owned(),
+            );
+        }
+        cautions
+    }
+
     /// A warning of options that need distances of a truth, which no pair has.
     fn options_of_truth(&self, summary: &Results) -> Result<Option<String>> {
         let manifest = &self.plan.manifest;
-        let rule: CellRule = manifest.part("cells")?.unwrap_or_default();
+        let rule = cell_rule(manifest)?;
         let source: SourceOptions = manifest.part("source")?.unwrap_or_default();
         let ranges: Option<RangeEnds> = manifest.part("ranges")?;
         let has = [

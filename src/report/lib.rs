@@ -41,6 +41,7 @@ pub use crate::show::words::shell_word;
 pub use crate::show::{page, plot, table};
 pub use crate::subjects::accuracy::AccuracyRow;
 pub use crate::subjects::drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
+pub use crate::subjects::pieces::{PieceRow, SightRow};
 pub use crate::subjects::references::{EXACT, PRIOR, TruthRow};
 pub use crate::subjects::reliability::{
     ReliabilityBin, ReliabilityRow, ReliabilityTally, reliability_chart,

@@ -15,7 +15,7 @@ use svl_files::outputs::remove_file;
 use svl_files::safe_name;
 use svl_report::CoursePlan;
 use svl_report::units::{BlockPictures, DriveFacts, ReportRun, UnitHeader, UnitRows, UnitWriter};
-use svl_score::scenario::{DriveLatency, Scenario, ScenarioSource};
+use svl_score::scenario::{Latency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
 
 /// A drive of the scenario, by the places of course and algorithm in it.
@@ -186,7 +186,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
 struct DriveWork<'a> {
     scenario: &'a Scenario,
     seeds: &'a [u64],
-    latency: Option<&'a DriveLatency>,
+    latency: Option<&'a Latency>,
     courses: Courses<'a>,
     session: &'a EvaluationSession,
     folder: &'a Path,

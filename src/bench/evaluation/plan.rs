@@ -82,7 +82,7 @@ impl EvaluationPlan<'_> {
         let is_safe = scenario.grid.decision == CellDecision::Safe;
         let mut algorithms = scenario.algorithms.iter();
         let is_any = algorithms.any(|own| !is_of_witness(own.spec().name));
-        if is_driven || is_safe || !is_any || !runs.iter().any(needs) {
+        if is_driven || is_safe || !(is_any || is_asked) || !runs.iter().any(needs) {
             return Ok(None);
         }
         let mut records = Manifest::new(&scenario.name, &[witness()])?.algorithms;

@@ -6,8 +6,8 @@ use std::time::Duration;
 use svl_core::Result;
 use svl_core::stereo::{Cell, hash_words};
 use svl_core::timing::Stage;
-use svl_report::{CellRow, FailureRow, Row, TableWriter};
-use svl_score::judge::{Judged, JudgedEstimate, MatchFailure};
+use svl_report::{CellRow, FailureRow, Row, SightRow, TableWriter};
+use svl_score::judge::{Judged, JudgedEstimate, MatchFailure, TestPiece};
 use svl_score::manifest::AlgorithmRecord;
 
 /// Rows that are removed at once.
@@ -164,6 +164,32 @@ impl RowIdentity {
         judged.failures.iter().map(row).collect()
     }
 
+    /// The test piece as an estimate shows it; `way_m`: distance moved since the pair before.
+    pub(crate) fn sight(
+        &self,
+        judged: &Judged,
+        scored: &JudgedEstimate,
+        (piece, way_m): (TestPiece, Option<f64>),
+    ) -> Option<SightRow> {
+        let (view, sight) = (judged.piece.as_ref()?, scored.sight?);
+        Some(SightRow {
+            seed: self.seed,
+            run: self.run.clone(),
+            sequence: judged.frame.sequence,
+            algorithm: scored.estimate.algorithm.clone(),
+            width_m: piece.size_m[0],
+            height_m: piece.size_m[1],
+            least_m: piece.near_m,
+            piece_m: view.distance_m,
+            seen: sight.is_seen,
+            by_chance: sight.is_by_chance,
+            exact_sees: sight.exact_sees,
+            false_cells: sight.false_cells as u64,
+            stop: sight.is_stop,
+            way_m,
+        })
+    }
+
     /// The cells of an estimate as rows, in raster order.
     pub(crate) fn cells(&self, judged: &Judged, scored: &JudgedEstimate) -> Vec<CellRow> {
         let estimate = &scored.estimate;
@@ -200,6 +226,7 @@ impl RowIdentity {
                 level: cell.level.into(),
                 near_distance_m: cell.surface.map(|surface| surface.distance_m),
                 near_px: cell.surface.map(|surface| surface.px.into()),
+                piece_m: judged.piece.as_ref().and_then(|piece| piece.shown_m(i)),
                 surface_probability: cell.surface.map(|surface| surface.probability),
             }
         };

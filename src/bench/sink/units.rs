@@ -3,6 +3,7 @@
 use super::pictures::BlockShots;
 use super::table::RowIdentity;
 use super::{PassEnd, PassStart, Sink};
+use nalgebra::Translation3;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use svl_report::units::{
     Units,
 };
 use svl_report::{FloorRays, FrameRow, TruthRow};
-use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
+use svl_score::judge::{CellArea, Checkpoint, Judged, TestPiece, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
@@ -44,6 +45,9 @@ pub struct UnitSink {
     run: ReportRun,
     identity: RowIdentity,
     checkpoints: Vec<Checkpoint>,
+    piece: Option<TestPiece>,
+    /// Position of the pair before.
+    place: Option<Translation3<f64>>,
     /// Rule by which cells are scored.
     cells: CellRule,
     shape: GridShape,
@@ -70,6 +74,8 @@ impl UnitSink {
             run: ReportRun::default(),
             identity: RowIdentity::default(),
             checkpoints: Vec::new(),
+            piece: None,
+            place: None,
             cells: CellRule::default(),
             shape: GridShape::default(),
             start_ns: 0,
@@ -166,6 +172,10 @@ impl UnitSink {
             None => truths(judged),
             Some(_) => Vec::new(),
         };
+        let here = frame.pose.map(|pose| pose.translation);
+        let steps = here.zip(std::mem::replace(&mut self.place, here));
+        let way_m = steps.map(|(here, before)| (here.vector - before.vector).norm());
+        let piece = self.piece.filter(|_| self.run.stress.is_none());
         for scored in judged.estimates.iter().chain(&judged.witness) {
             let label = &scored.estimate.algorithm;
             if self.run.stress.is_none() {
@@ -181,6 +191,10 @@ impl UnitSink {
                 cells: self.identity.cells(judged, scored),
                 frames: frames.collect(),
                 truths: truths.clone(),
+                sights: piece
+                    .and_then(|piece| self.identity.sight(judged, scored, (piece, way_m)))
+                    .into_iter()
+                    .collect(),
                 ..UnitRows::default()
             };
             self.block.entry(label.clone()).or_default().push(&rows)?;
@@ -214,6 +228,8 @@ impl Sink for UnitSink {
         let own = runs.find(|own| own.run == *run && own.seed == *seed && own.stress == *stress);
         self.run = own.cloned().unwrap_or_default();
         self.checkpoints.clone_from(&start.judge.checkpoints);
+        self.piece = start.judge.piece();
+        self.place = None;
         self.cells = start.judge.cells;
         self.shape = start.judge.grid.shape();
         self.start_ns = start.judge.run.start_ns;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::time::{Duration, Instant};
 use svl::arena::{Arena, ArenaConfig};
 use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher, Value, find};
-use svl::report::table::{Table, TerminalStyle};
+use svl::report::table::{Table, TableColumn, TerminalStyle};
 use svl::runs::refuse_recorded;
 use svl::statistics::nearest_rank;
 use svl::stereo::{RectifiedPair, StereoPair};
@@ -26,6 +26,7 @@ Examples:
   svl bench
   svl bench --algo v3 --algo v3:smoothing_sigma=0 --size 640x480
   svl bench --max-disparity 128 --threads 2 --json
+  svl bench --threads 1,2,4   what more threads gain
   SVL_ISA=avx2 svl bench      as a CPU without AVX-512 would; or portable")]
 pub(crate) struct Args {
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: all of svl's own]
@@ -65,7 +66,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 }
 
 /// An algorithm's figures. Times in milliseconds, by nearest rank.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 struct Figures {
     algo: String,
     width: usize,
@@ -82,7 +83,7 @@ struct Figures {
     mde_per_s: f64,
 }
 
-pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, threads: &[u16]) -> anyhow::Result<()> {
     let algorithms = match &args.algo[..] {
         // Programs are measured only when they are named.
         [] => {
@@ -103,8 +104,46 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let algorithms = algorithms.collect::<svl::Result<Vec<_>>>()?;
     let algorithms = with_filters(algorithms, &args.filters.models()?);
     let pair = pair(args.size)?;
-    let figures = measure(&algorithms, &pair)?;
-    print_value(args.json, &figures, || anyhow::Ok(text(&figures, style())))
+    if threads.len() < 2 {
+        let figures = measure(&algorithms, &pair)?;
+        return print_value(args.json, &figures, || anyhow::Ok(text(&figures, style())));
+    }
+    let by_threads = threads.iter().map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads((*threads).into());
+        pool.build()?.install(|| measure(&algorithms, &pair))
+    });
+    let figures = by_threads.collect::<anyhow::Result<Vec<_>>>()?;
+    print_value(args.json, &figures.concat(), || {
+        anyhow::Ok(scaling(&figures, style()))
+    })
+}
+
+/// The medians by number of threads, and how many times as fast each is as the first.
+fn scaling(by_threads: &[Vec<Figures>], style: TerminalStyle) -> String {
+    let heads = by_threads
+        .iter()
+        .map(|own| counted(own[0].threads as u64, "thread"));
+    let heads: Vec<_> = heads.collect();
+    let mut table = Table::new("", "algorithm");
+    for (group, from) in [("median, ms", 0), ("times as fast", 1)] {
+        let columns = heads[from..]
+            .iter()
+            .map(|head| TableColumn::new(group, head));
+        table.columns.extend(columns);
+    }
+    for (i, first) in by_threads[0].iter().enumerate() {
+        let medians = by_threads.iter().map(|own| own[i].median_ms);
+        let gains = medians
+            .clone()
+            .skip(1)
+            .map(|ms| format!("{:.2}", first.median_ms / ms));
+        let medians = medians.map(|ms| format!("{ms:.3}"));
+        table.push(&first.algo, medians.chain(gains));
+    }
+    let Figures {
+        width, height, isa, ..
+    } = by_threads[0][0];
+    format!("{width}x{height}, {isa}\n{}", table.terminal(style))
 }
 
 /// An algorithm, and true if its text sets its range of disparities.

@@ -60,8 +60,14 @@ impl Command {
         matches!(self, Self::Tune(_) | Self::Label(_))
     }
 
-    /// Runs the subcommand. `program`: the whole command line, for what describes it.
-    pub(super) fn run(self, quiet: bool, program: fn() -> clap::Command) -> anyhow::Result<()> {
+    /// Runs the subcommand. `threads`: the numbers of threads that are named; `program`: the whole
+    /// command line, for what describes it.
+    pub(super) fn run(
+        self,
+        quiet: bool,
+        threads: &[u16],
+        program: fn() -> clap::Command,
+    ) -> anyhow::Result<()> {
         match self {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
@@ -71,7 +77,7 @@ impl Command {
             Self::Reproduce(args) => reproduce::run(&args, quiet),
             Self::Match(args) => matching::run(&args),
             Self::Eval(args) => eval::run(&args),
-            Self::Bench(args) => bench::run(&args),
+            Self::Bench(args) => bench::run(&args, threads),
             Self::Tune(args) => tune::run(&args, quiet),
             Self::Calibrate(args) => calibrate::run(&args, quiet),
             Self::View(args) => view::run(&args),

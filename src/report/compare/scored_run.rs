@@ -5,6 +5,7 @@ use crate::rows::held::{Row, RowRef, Rows, RunKey};
 use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record};
 use crate::subjects::accuracy::{AccuracyRow, AccuracyTally, AskedRange, PairErrors, RunRanges};
 use crate::subjects::drives::{COURSES, CoursePlan, DriveRow};
+use crate::subjects::kept::cell_rule;
 use crate::subjects::references::{EXACT, PRIOR};
 use crate::subjects::sources::Sources;
 use crate::subjects::witness::EstimateRow;
@@ -234,7 +235,7 @@ impl ScoredRun {
     ) -> Result<(Vec<PairErrors>, AccuracyTally)> {
         let mut errors = Vec::new();
         errors.resize_with(pairs.len(), PairErrors::default);
-        let rule = self.manifest.part("cells")?.unwrap_or_default();
+        let rule = cell_rule(&self.manifest)?;
         let [mut tally, mut all] = [(); 2].map(|()| AccuracyTally::new(rule, ranges));
         let mut last_run = None;
         self.each_pair_of_cells(label, pairs, |i, cells| {

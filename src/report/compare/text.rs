@@ -643,6 +643,7 @@ impl Change {
         match self.metric.origin {
             MetricOrigin::Checkpoints => "too few frames",
             MetricOrigin::Drives(_) => "too few courses",
+            MetricOrigin::Pieces { .. } => "too few approaches",
             _ => "too few pairs",
         }
     }

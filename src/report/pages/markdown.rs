@@ -29,6 +29,7 @@ impl Results {
             self.checkpoint_table(),
             self.drive_table(),
             self.latency_table(),
+            self.piece_table(),
         ];
         let tables = single.into_iter().flatten().chain(self.accuracy_tables());
         let tables = tables.chain(self.stress_tables());

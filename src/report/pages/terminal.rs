@@ -67,7 +67,9 @@ impl Results {
         }
         let detailed = self.drive_table().into_iter().chain(self.accuracy_tables());
         let detailed = detailed.filter(|_| is_all);
-        let more = detailed.chain(self.latency_table());
+        let more = detailed
+            .chain(self.latency_table())
+            .chain(self.piece_table());
         let more = more.chain(self.stress_tables());
         let tables: Vec<_> = [table].into_iter().chain(more).collect();
         for table in &tables[1..] {

@@ -4,6 +4,7 @@ use super::best::{BEST, Best, Certainty, FAILED, FEW_PAIRS, SweepChoice, UNFIT, 
 use super::choice::answer_metrics;
 use super::summary::{AlgorithmSummary, Results};
 use crate::rows::samples::grouped;
+use crate::subjects::pieces::PieceRow;
 use crate::subjects::references::EXACT;
 use svl_core::{counted, joined};
 use svl_score::bootstrap::METHOD;
@@ -262,7 +263,22 @@ impl Results {
         let order = self.shown.sort.and_then(|_| self.order_words());
         let order = order.map(|words| format!("The algorithms are {words}."));
         let parts = marks.into_iter().chain(self.own_pairs_words());
-        parts.chain(order).chain(self.estimate_words()).collect()
+        let parts = parts.chain(order).chain(self.estimate_words());
+        parts.chain(self.piece_words()).collect()
+    }
+
+    /// The reaches of the narrowest test piece of the first algorithms that have one.
+    fn piece_words(&self) -> Vec<String> {
+        let ranked = self.ranked_algorithms().into_iter();
+        let rows = ranked.filter_map(|a| {
+            let mut own = self
+                .pieces
+                .iter()
+                .filter(|row| row.algorithm == a.algorithm);
+            let first = own.clone().next();
+            own.find(|row| row.reach_m > Some(0.0)).or(first)
+        });
+        rows.take(MAX_ESTIMATES).map(PieceRow::words).collect()
     }
 
     /// The estimated errors of the first algorithms, and of one that has none.

@@ -283,11 +283,12 @@ impl Change {
 /// the pairs that are resampled.
 pub(crate) fn is_ranked(metric: &Metric) -> bool {
     let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
-    let is_estimated = metric.estimated().is_some();
+    let is_of_pieces = matches!(metric.origin, MetricOrigin::Pieces { .. });
+    let is_other = metric.estimated().is_some() || metric.is_late() || is_of_pieces;
     metric.better != Better::Neither
         && metric.unit != MetricUnit::Ms
         && !is_of_checkpoints
-        && !is_estimated
+        && !is_other
 }
 
 impl Judgement {

@@ -7,6 +7,7 @@ use crate::rows::records::{CellRow, CheckpointRow, FailureRow, Record};
 use crate::show::table::model::Table;
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{DriveRow, TrackRow};
+use crate::subjects::pieces::{PieceRow, SightRow};
 use crate::subjects::reliability::ReliabilityRow;
 use crate::subjects::witness::EstimateRow;
 use svl_score::judge::METRICS;
@@ -50,6 +51,11 @@ pub const TABLES: &[TableDescription] = &[
     table::<EstimateRow>(
         "estimates",
         "the errors of one algorithm in one area, estimated without truth",
+    ),
+    table::<PieceRow>("pieces", "one test piece through one algorithm"),
+    table::<SightRow>(
+        "sights",
+        "one pair of an approach to a test piece through one algorithm",
     ),
     table::<FailureRow>("failures", "one pair that an algorithm failed on"),
     table::<DriveRow>("drives", "one course with one algorithm at the wheel"),

@@ -7,6 +7,7 @@ use crate::rows::records::{CheckpointRow, FailureRow, MetricTotals, record};
 use crate::rows::samples::{self, grouped};
 use crate::subjects::accuracy::AccuracyRow;
 use crate::subjects::drives::{self, DriveRow, DriveSummary, TrackRow};
+use crate::subjects::pieces::{PieceRow, SeenShares, SightRow, seen_shares};
 use crate::subjects::recordings::{RecordingSummary, recordings};
 use crate::subjects::reliability::ReliabilityRow;
 use crate::subjects::sources::Sources;
@@ -78,6 +79,9 @@ pub struct Results {
     /// Errors that are estimated without truth, by area.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub estimates: Vec<EstimateRow>,
+    /// Reaches of test pieces.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub pieces: Vec<PieceRow>,
     /// Delays of the topics whose maps were scored.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub latency: Vec<TopicDelay>,
@@ -118,6 +122,9 @@ pub struct ReportTables {
     /// The rows of the references, where cells are scored by distances.
     pub references: Rows,
     pub estimates: Vec<EstimateRow>,
+    /// Pairs of approaches to test pieces, and what they add up to.
+    pub sights: Vec<SightRow>,
+    pub pieces: Vec<PieceRow>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }
@@ -154,6 +161,8 @@ pub(crate) struct ResultBasis {
     pub(crate) times: Option<String>,
     /// The profile of svl's build, if its times are not those of svl.
     pub(crate) slow_profile: Option<String>,
+    /// The part of the pairs that see a test piece, by its distance.
+    pub(crate) seen: Vec<SeenShares>,
     pub(crate) is_measured: bool,
     /// The algorithms whose times may be compared have the same number; all of results without a
     /// report, which has none.
@@ -431,6 +440,8 @@ impl Results {
         results.accuracy.clone_from(&tables.accuracy);
         results.reliability.clone_from(&tables.reliability);
         results.estimates.clone_from(&tables.estimates);
+        results.pieces.clone_from(&tables.pieces);
+        results.basis.seen = seen_shares(&tables.sights);
         results.shown = shown;
         results.basis.common = common;
         results.basis.is_measured = parts.is_measured;
@@ -469,6 +480,7 @@ impl Results {
         }
         results.add_accuracy(&tables.accuracy);
         results.add_estimates(&tables.estimates);
+        results.add_pieces(&tables.pieces);
         results.add_drives(&tables.drives, None);
         results
     }
@@ -687,6 +699,20 @@ impl Results {
                         summary.totals.set(metric, row.area, own);
                     }
                 }
+            }
+        }
+    }
+
+    /// Adds the reaches of the narrowest test piece.
+    fn add_pieces(&mut self, rows: &[PieceRow]) {
+        let width_m = rows.iter().map(|row| row.width_m);
+        let narrowest = width_m.fold(f64::INFINITY, f64::min);
+        let reach = METRICS.iter().find(|metric| metric.name == "reach");
+        for row in rows.iter().filter(|row| row.width_m == narrowest) {
+            let mut own = self.algorithms.iter_mut().chain(&mut self.references);
+            let own = own.find(|own| own.algorithm == row.algorithm);
+            if let (Some(own), Some(measured), Some(reach)) = (own, row.measured(), reach) {
+                own.totals.set(reach, AreaChoice::default(), measured);
             }
         }
     }

@@ -52,6 +52,7 @@ impl ColumnDescription {
             MetricOrigin::Cells { .. } | MetricOrigin::Estimated { .. } => "; over all pairs",
             MetricOrigin::Checkpoints => "; of checkpoints",
             MetricOrigin::Drives(_) => "; of drives",
+            MetricOrigin::Pieces { .. } => "; of approaches",
         };
         let areas = if metric.by_area { "; of an area" } else { "" };
         let note = metric.note.map(|note| note.text(CellRule::default()).1);

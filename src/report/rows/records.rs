@@ -279,16 +279,22 @@ record! {
         near_distance_m: Option<f64>,
         /// Disparity of that surface.
         near_px: Option<f64>,
+        /// Distance of the test piece, of a cell that shows it and nothing else that is as near.
+        piece_m: Option<f64>,
         /// Probability that the cell has a surface there.
         surface_probability: Option<f64>,
     }
 }
 
 impl CellRow {
-    /// The reported disparities.
-    pub(crate) fn depth(&self) -> Option<CellDepth> {
+    /// The reported disparities and distance, where infinity has that disparity.
+    pub(crate) fn depth(&self, infinity_px: Option<f32>) -> Option<CellDepth> {
         let px = [self.p20_px?, self.median_px?, self.p80_px?];
-        Some(CellDepth::new(px.map(|px| px as f32), None))
+        Some(CellDepth {
+            infinity_px,
+            distance_m: self.distance_m,
+            ..CellDepth::new(px.map(|px| px as f32), None)
+        })
     }
 }
 

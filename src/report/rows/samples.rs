@@ -47,7 +47,8 @@ pub(crate) fn sample_in(metric: &Metric, rows: &[RowRef<'_>], area: AreaChoice) 
         MetricOrigin::Cells { .. }
         | MetricOrigin::Estimated { .. }
         | MetricOrigin::Checkpoints
-        | MetricOrigin::Drives(_) => None,
+        | MetricOrigin::Drives(_)
+        | MetricOrigin::Pieces { .. } => None,
     }
 }
 

@@ -4,15 +4,22 @@ use crate::rows::held::Row;
 use crate::rows::records::CellRow;
 use svl_core::Result;
 use svl_core::depth::GridSettings;
-use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
+use svl_core::stereo::{Cell, CellRule, CellState, DepthGrid, GridShape};
 use svl_score::judge::{Checkpoint, Verdict, judge_cells};
 use svl_score::manifest::Manifest;
+use svl_score::scenario::CellTable;
 
 /// The rules of the scenario by which its frames were scored.
 pub(crate) struct ScoreRule {
     shape: GridShape,
     pub(crate) cells: CellRule,
     pub(crate) checkpoints: Vec<Checkpoint>,
+}
+
+/// The rule of a report's cells.
+pub(crate) fn cell_rule(manifest: &Manifest) -> Result<CellRule> {
+    let table: Option<CellTable> = manifest.part("cells")?;
+    Ok(table.unwrap_or_default().rule)
 }
 
 impl ScoreRule {
@@ -22,7 +29,7 @@ impl ScoreRule {
                 .part::<GridSettings>("grid")?
                 .unwrap_or_default()
                 .shape(),
-            cells: manifest.part("cells")?.unwrap_or_default(),
+            cells: cell_rule(manifest)?,
             checkpoints: manifest.part("checkpoint")?.unwrap_or_default(),
         })
     }
@@ -68,14 +75,9 @@ fn depth_grid(
         if column >= shape.columns || line >= shape.rows {
             return None;
         }
-        let depth = row.depth().map(|depth| CellDepth {
-            infinity_px,
-            distance_m: row.distance_m,
-            ..depth
-        });
         cells[line * shape.columns + column] = Some(Cell {
             valid_share: row.valid_share,
-            depth,
+            depth: row.depth(infinity_px),
             probability: row.probability,
             too_close: row.state == Some(CellState::TooClose),
             near: row.near_probability,

@@ -4,6 +4,8 @@ pub(crate) mod accuracy;
 pub(crate) mod checkpoints;
 pub(crate) mod drives;
 pub(crate) mod kept;
+pub(crate) mod late;
+pub(crate) mod pieces;
 pub(crate) mod recordings;
 pub(crate) mod references;
 pub(crate) mod reliability;

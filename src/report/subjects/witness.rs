@@ -7,7 +7,6 @@
 use crate::rows::records::{CellRow, record};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use svl_core::statistics::lower_median;
 use svl_core::stereo::{CellRule, CellState, FloorPlane, GridShape, Rig};
 use svl_score::judge::{AreaChoice, Cases, CellArea, EstimatedNumber, Measured};
 
@@ -289,8 +288,22 @@ struct AreaSums {
 struct AlgorithmSums {
     /// By [`AreaChoice`].
     areas: [AreaSums; AreaChoice::ALL.len()],
-    /// Reported distances over those of the witness, where that is sure.
-    scales: Vec<f32>,
+    /// Number of cells by the reported distance over that of the witness, in thousandths, where
+    /// that is sure.
+    scales: BTreeMap<u16, u64>,
+}
+
+impl AlgorithmSums {
+    /// Median of the reported distance over that of the witness.
+    fn scale(&self) -> Option<f64> {
+        let mut cells = self.scales.values().sum::<u64>().div_ceil(2);
+        let mut scales = self.scales.iter();
+        let (thousandths, _) = scales.find(|own| {
+            cells = cells.saturating_sub(*own.1);
+            cells == 0
+        })?;
+        Some(f64::from(*thousandths) / 1000.0)
+    }
 }
 
 /// Compares the cells of a report with those of the witness, pair by pair.
@@ -355,7 +368,8 @@ impl WitnessTally {
             }
             let distances = cell.distance_m.zip(seen.distance_m);
             if let Some((m, witness_m)) = distances.filter(|_| seen.probability >= Some(SURE)) {
-                own.scales.push((m / witness_m) as f32);
+                let thousandths = (1000.0 * m / witness_m).round() as u16;
+                *own.scales.entry(thousandths).or_default() += 1;
             }
         }
     }
@@ -395,11 +409,10 @@ impl WitnessTally {
         let rows = labels.flat_map(|label| {
             let own = self.algorithms.get(label).unwrap_or(&none);
             let why = why(label).or_else(|| failed.clone());
-            let scale = lower_median(own.scales.iter().copied().map(f64::from));
             AreaChoice::ALL.map(|area| EstimateRow {
                 algorithm: label.to_owned(),
                 area,
-                scale,
+                scale: own.scale(),
                 ..own.areas[area as usize].row(why.clone())
             })
         });

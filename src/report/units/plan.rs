@@ -90,6 +90,12 @@ impl ReportPlan {
         kind.is_some_and(|kind| kind == "drive")
     }
 
+    /// True if the runs approach test pieces.
+    pub fn has_pieces(&self) -> bool {
+        let description = self.manifest.description.as_ref();
+        description.is_some_and(|value| value.get("piece").is_some())
+    }
+
     /// The labels of the algorithms, in their order.
     pub fn labels(&self) -> Vec<&str> {
         self.manifest.labels().collect()

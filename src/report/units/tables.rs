@@ -1,6 +1,7 @@
 //! The tables of a report, made of its units, in the order of runs, pairs and algorithms.
 
 use super::facts::PairFacts;
+use super::latencies::Latencies;
 use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::unit::{UnitReader, UnitRows};
@@ -12,9 +13,12 @@ use crate::rows::records::{CellRow, CheckpointRow, FailureRow};
 use crate::subjects::accuracy::{AccuracyTally, RunRanges};
 use crate::subjects::checkpoints::CheckpointTallies;
 use crate::subjects::kept::ScoreRule;
+use crate::subjects::late::LateTally;
+use crate::subjects::pieces::pieces;
 use crate::subjects::references::ReferenceTally;
 use crate::subjects::reliability::ReliabilityTallies;
 use crate::subjects::witness::{ComparedPair, WitnessTally};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
@@ -55,6 +59,10 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
         tables.reliability = read_rows(&file("reliability"))?;
         tables.references = RowReader::open(&file("references"))?.collect::<Result<_>>()?;
         tables.estimates = read_rows(&file("estimates"))?;
+        if plan.has_pieces() {
+            tables.sights = read_rows(&file("sights"))?;
+            tables.pieces = read_rows(&file("pieces"))?;
+        }
     }
     Ok(tables)
 }
@@ -66,7 +74,12 @@ const MAX_QUEUED_PAIRS: usize = 64;
 ///
 /// # Errors
 /// The errors of the units' files and of the tables'.
-pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Result<ReportTables> {
+pub fn write_tables(
+    folder: &Path,
+    plan: &ReportPlan,
+    runs: &[RunUnits],
+    latencies: &Latencies,
+) -> Result<ReportTables> {
     let mut rows = TableWriter::create_both(folder, "rows")?;
     let mut cells = TableWriter::create_both(folder, "cells")?;
     let mut failures = TableWriter::create_both(folder, "failures")?;
@@ -78,7 +91,7 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
             received.try_for_each(|rows_of_pair: Vec<CellRow>| cells.push(rows_of_pair))?;
             cells.finish()
         });
-        let tables = collect_tables(plan, runs, true, |rows_of_pair| {
+        let tables = collect_tables(plan, runs, Some(latencies), |rows_of_pair| {
             // Fails only once the other thread has ended with an error.
             let _ = send.send(rows_of_pair.cells);
             failures.push(rows_of_pair.failures.iter().cloned())?;
@@ -104,6 +117,10 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
             tables.references.iter().map(RowRef::to_row),
         )?;
         write_table(folder, "estimates", tables.estimates.iter().cloned())?;
+        if plan.has_pieces() {
+            write_table(folder, "sights", tables.sights.iter().cloned())?;
+            write_table(folder, "pieces", tables.pieces.iter().cloned())?;
+        }
     }
     Ok(tables)
 }
@@ -121,17 +138,19 @@ struct TableTallies {
     reliability: ReliabilityTallies,
     references: ReferenceTally,
     witness: WitnessTally,
+    late: LateTally,
     has_separate_pairs: bool,
 }
 
 impl TableTallies {
-    fn begin_run(&mut self, has_separate_pairs: bool) {
+    fn begin_run(&mut self, has_separate_pairs: bool, latencies_ms: &BTreeMap<String, f64>) {
         self.has_separate_pairs = has_separate_pairs;
         self.accuracy.begin_pass(has_separate_pairs);
+        self.late.begin_run(latencies_ms);
     }
 
     /// Adds a pair with the cells of the witness, if there is one.
-    fn add(&mut self, rows: &UnitRows, pair: &PairFacts, seen: Option<UnitRows>) {
+    fn add(&mut self, rows: &mut UnitRows, pair: &PairFacts, seen: Option<UnitRows>) {
         let Some(row) = rows.rows.first() else {
             return;
         };
@@ -147,10 +166,15 @@ impl TableTallies {
         if let Some(seen) = seen {
             self.witness.add(&compared, &rows.cells, &seen.cells);
         }
+        let is_plain = row.stress.is_none();
+        if let Some(stamp_ns) = compared.stamp_ns.filter(|_| is_plain) {
+            let pair = (stamp_ns, pair.infinity_px);
+            self.late.add(pair, &mut rows.rows, &rows.cells);
+        }
     }
 }
 
-/// Collects the rows of units in the order of runs, pairs and algorithms. `has_cells`: false where
+/// Collects the rows of units in the order of runs, pairs and algorithms. `latencies`: none where
 /// cells are not asked for, nor what is computed of them.
 ///
 /// # Errors
@@ -158,10 +182,11 @@ impl TableTallies {
 pub fn collect_tables(
     plan: &ReportPlan,
     runs: &[RunUnits],
-    has_cells: bool,
+    latencies: Option<&Latencies>,
     mut take: impl FnMut(TakenRows<'_>) -> Result<()>,
 ) -> Result<ReportTables> {
     let mut tables = ReportTables::default();
+    let has_cells = latencies.is_some();
     let rule = ScoreRule::new(&plan.manifest)?;
     let ranges = RunRanges::new(&plan.manifest)?;
     let mut numbers = TableTallies {
@@ -169,12 +194,17 @@ pub fn collect_tables(
         reliability: ReliabilityTallies::default(),
         references: ReferenceTally::default(),
         witness: WitnessTally::new(rule.cells),
+        late: LateTally::new(rule.cells),
         has_separate_pairs: false,
     };
     let scenario = &plan.manifest.scenario;
     for run in runs {
         let name = run.run.run.as_deref();
-        numbers.begin_run(plan.manifest.has_separate_pairs(name));
+        let latencies_ms = latencies.map(|own| own.in_run(plan, &run.facts));
+        numbers.begin_run(
+            plan.manifest.has_separate_pairs(name),
+            &latencies_ms.unwrap_or_default(),
+        );
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
         let mut collect =
@@ -184,7 +214,7 @@ pub fn collect_tables(
                         let cells = [plain.for_pair(pair.sequence)?, &rows.cells];
                         rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
                     }
-                    numbers.add(&rows, pair, seen);
+                    numbers.add(&mut rows, pair, seen);
                 }
                 take(TakenRows {
                     rows: &rows.rows,
@@ -196,6 +226,7 @@ pub fn collect_tables(
                 tables.rows.extend(rows.rows);
                 tables.drives.extend(rows.drives);
                 tables.tracks.extend(rows.tracks);
+                tables.sights.extend(rows.sights);
                 Ok(())
             };
         // The truth of the cells is that of the first algorithm: all have the same.
@@ -255,6 +286,7 @@ pub fn collect_tables(
     } = numbers;
     let ranges = ranges.in_order(&accuracy);
     tables.accuracy = accuracy.into_rows(&plan.labels(), &ranges);
+    tables.pieces = pieces(&tables.sights);
     tables.reliability = reliability.into_rows(&plan.labels());
     tables.references = references.into_rows(rule.cells);
     if plan.has_estimates() {

@@ -10,6 +10,7 @@ use crate::rows::csv_rows::{RowReader, csv_error, row_writer};
 use crate::rows::held::Row;
 use crate::rows::records::{CellRow, FailureRow, FrameRow, Record};
 use crate::subjects::drives::{CoursePlan, DriveRow, TrackRow};
+use crate::subjects::pieces::SightRow;
 use crate::subjects::references::TruthRow;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -192,6 +193,7 @@ unit_tables! {
     frames: FrameRow(sequence),
     /// The truth of the cells of each pair: the same of all algorithms.
     truths: TruthRow(sequence),
+    sights: SightRow(sequence),
     drives: DriveRow(drive, scenario),
     tracks: TrackRow(drive, scenario),
 }

@@ -119,12 +119,31 @@ mod tests {
             assert_eq!(found, expected, "{kind:?}");
         };
         let distances = [
-            "right", "wrong", "unknown", "missed", "false", "found", "passed", "time",
+            "right",
+            "wrong",
+            "unknown",
+            "missed",
+            "false",
+            "found",
+            "right_late",
+            "wrong_late",
+            "unknown_late",
+            "passed",
+            "time",
         ];
         expect(Distances, &distances);
         expect(
             Disparities,
-            &["coverage", "total_bad2", "bad2", "passed", "time"],
+            &[
+                "coverage",
+                "total_bad2",
+                "bad2",
+                "right_late",
+                "wrong_late",
+                "unknown_late",
+                "passed",
+                "time",
+            ],
         );
         expect(
             Courses,

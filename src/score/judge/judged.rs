@@ -2,7 +2,8 @@
 
 use super::{
     AreaChoice, CellJudgement, CellTallies, Checkpoint, CheckpointFrame, DisparityScore,
-    FilterTally, FrameFacts, FrameOrigin, MetricValues, TrueCells,
+    FilterTally, FrameFacts, FrameOrigin, MetricValues, PieceConfig, PieceSight, PieceView,
+    TestPiece, TrueCells,
 };
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
@@ -16,6 +17,8 @@ pub struct Judge {
     /// Rule for a right cell, if the frame has a calibration ([`CellRule::for_rig`]).
     pub cells: CellRule,
     pub checkpoints: Vec<Checkpoint>,
+    /// The test pieces that runs approach.
+    pub pieces: Option<PieceConfig>,
     /// The run whose frames are scored.
     pub run: FrameOrigin,
 }
@@ -32,6 +35,8 @@ pub struct Judged {
     pub failures: Vec<MatchFailure>,
     /// The truth of the cells; absent without truth or without estimates.
     pub true_cells: Option<TrueCells>,
+    /// The test piece of the run in its cells; absent without one, or without truth.
+    pub piece: Option<PieceView>,
     pair_hash: OnceLock<u128>,
     input_hash: OnceLock<u128>,
 }
@@ -65,6 +70,8 @@ pub struct JudgedEstimate {
     pub metrics: MetricValues,
     /// The cells in raster order; absent without truth.
     pub cells: Option<Vec<CellJudgement>>,
+    /// The test piece as the estimate shows it; absent without one.
+    pub sight: Option<PieceSight>,
     /// The checkpoints that the frame shows, as indices of [`Judge::checkpoints`].
     pub checkpoints: Vec<(usize, CheckpointFrame)>,
 }
@@ -78,11 +85,20 @@ impl Judge {
         } else {
             self.true_cells(&frame)
         };
-        let estimates = estimates
-            .into_iter()
-            .map(|estimate| self.judge_estimate(&frame, true_cells.as_ref(), estimate))
-            .collect();
+        let shape = self.grid.shape();
+        let piece = self.piece().filter(|_| !estimates.is_empty());
+        let piece = piece.map(|own| own.view(&frame, shape, self.cells).unwrap_or_default());
+        let judged = |estimate| {
+            let judged = self.judge_estimate(&frame, true_cells.as_ref(), estimate);
+            let grid = &judged.estimate.grid;
+            let sight = piece
+                .as_ref()
+                .map(|own| own.sight(grid, true_cells.as_ref(), self.cells));
+            JudgedEstimate { sight, ..judged }
+        };
+        let estimates = estimates.into_iter().map(judged).collect();
         Judged {
+            piece,
             witness: None,
             failures: Vec::new(),
             frame,
@@ -125,8 +141,15 @@ impl Judge {
             metrics: MetricValues::from_facts(&mut facts),
             checkpoints: self.checkpoints_of(frame, &estimate.grid, cells.as_deref()),
             cells,
+            sight: None,
             estimate,
         }
+    }
+
+    /// The test piece of the run.
+    pub fn piece(&self) -> Option<TestPiece> {
+        let pieces = self.pieces.as_ref()?;
+        Some(pieces.piece(self.run.seed, self.cells))
     }
 
     /// Rejects the frame of a checkpoint that a person labelled on another pair.

@@ -229,6 +229,11 @@ pub enum MetricOrigin {
     Checkpoints,
     /// The drives through courses.
     Drives(DriveNumber),
+    /// The approaches to the narrowest test piece.
+    Pieces {
+        /// Column in the summary.
+        column: &'static str,
+    },
 }
 
 /// A number of the errors of an algorithm's distances.
@@ -425,6 +430,10 @@ const NEAR_OBSTACLES: CaseKind = CaseKind::Sum(&["near"], "near obstacle*");
 const BEHIND_FILTERS: CaseKind =
     CaseKind::Sum(&["kept", "lost"], "obstacle* right without filters");
 const OUT_OF_RANGE: CaseKind = CaseKind::Sum(&["close", "blind"], "cell* nearer than the range");
+const LATE_CELLS: CaseKind = CaseKind::Sum(
+    &["right_late", "wrong_late", "unknown_late"],
+    "cell* on arrival",
+);
 const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
 const COMMON: CaseKind = CaseKind::Errors("cell* in common with v5");
 const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
@@ -435,6 +444,9 @@ const MIN_SHARE: Option<f64> = Some(0.95);
 
 /// Group of the metrics of perturbed pairs beside the unperturbed ones.
 const PERTURBED: &str = "perturbed, %";
+
+/// Group of the cells of answers when they arrive.
+const LATE: &str = "late, %";
 
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
@@ -448,6 +460,13 @@ const fn cells(name: &'static str, words: &'static str, head: &'static str) -> M
 
 const fn near(name: &'static str, words: &'static str, head: &'static str) -> Metric {
     metric(name, words, "near obstacles", head).over(SCORED_CELLS)
+}
+
+const fn late(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    let own = metric(name, words, LATE, head);
+    own.over(LATE_CELLS)
+        .by_area()
+        .headline(&[Distances, Disparities])
 }
 
 const fn pixels(name: &'static str, words: &'static str, head: &'static str) -> Metric {
@@ -620,6 +639,23 @@ pub const METRICS: &[Metric] = &[
              the mean over the pairs; in whole rows, and only within row_tolerance: `svl \
              calibrate check` measures larger ones",
         ),
+    late("right_late", "cells right on arrival", "right")
+        .part("cells_right_late", More, Fact(|_| None))
+        .note_on(
+            "late",
+            "cells of an answer that arrives --latency after its pair, by the truth at that time: \
+             that of the two pairs around it, each by its part; of the cells with both truths",
+        ),
+    late("wrong_late", "cells wrong on arrival", "wrong").part(
+        "cells_wrong_late",
+        Less,
+        Fact(|_| None),
+    ),
+    late("unknown_late", "cells unknown on arrival", "unknown").part(
+        "cells_unknown_late",
+        Neither,
+        Fact(|_| None),
+    ),
     estimated(
         "estimated_right",
         EstimatedNumber::Right,
@@ -647,6 +683,15 @@ pub const METRICS: &[Metric] = &[
         "sure, wrong",
     )
     .unit(Share, Less),
+    metric("reach", "reach of the narrowest test piece", "", "reach, m")
+        .origin(MetricOrigin::Pieces { column: "reach_m" })
+        .unit(M, More)
+        .over(CaseKind::Items("run*"))
+        .at_least(59, None)
+        .note(
+            "distance from which 95 % of the approaches to the narrowest test piece always see \
+             it, with a confidence of 95 %: docs/reach.md",
+        ),
     perturbed("same", "cells as unperturbed", "same")
         .part("cells_same", More, Fact(|_| None))
         .note_on(
@@ -883,7 +928,8 @@ impl Metric {
         match self.origin {
             MetricOrigin::Frame { column, .. }
             | MetricOrigin::Cells { column, .. }
-            | MetricOrigin::Estimated { column, .. } => Some(column),
+            | MetricOrigin::Estimated { column, .. }
+            | MetricOrigin::Pieces { column } => Some(column),
             _ => None,
         }
     }
@@ -928,10 +974,15 @@ impl Metric {
         matches!(self.origin, MetricOrigin::Drives(_))
     }
 
-    /// True if its column contains whole numbers.
+    /// True if its column contains whole numbers: parts of cells are none.
     pub fn counts(&self) -> bool {
-        let share = |(_, total)| total == MetricTotal::Share;
+        let share = |(_, total)| total == MetricTotal::Share && !self.is_late();
         self.unit == Count || self.column().is_some_and(share)
+    }
+
+    /// True if it is of answers when they arrive.
+    pub fn is_late(&self) -> bool {
+        self.group == LATE
     }
 
     /// The value of a frame as plotted in Rerun: fractions in per cent.

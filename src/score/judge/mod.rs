@@ -10,6 +10,7 @@ mod filtered;
 mod judged;
 mod measured;
 mod metrics;
+mod piece;
 pub mod protocol;
 pub mod signs;
 mod sparse;
@@ -33,4 +34,5 @@ pub use metrics::{
     MetricLevel, MetricOrigin, MetricSource, MetricTotal, MetricUnit, MetricValues, PLACES,
     TruthLevel,
 };
+pub use piece::{PieceConfig, PieceSight, PieceView, TestPiece};
 pub use truth::{CellTruth, NearTruth, TrueCells};

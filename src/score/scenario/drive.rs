@@ -1,7 +1,7 @@
 //! A scenario's `[drive]` table: the robot that an algorithm steers, the courses, and the steering
 //! rule.
 
-use super::DriveLatency;
+use super::Latency;
 use serde::{Deserialize, Serialize};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellState, GridShape};
@@ -27,7 +27,7 @@ pub struct DriveConfig {
     /// Time from a pair's stamp until the command that is decided on it takes effect; without it
     /// the time from pair to pair.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub latency_ms: Option<DriveLatency>,
+    pub latency_ms: Option<Latency>,
     pub steering: SteeringRule,
 }
 
@@ -177,8 +177,15 @@ impl DriveConfig {
             ..
         } = &self.steering;
         check_ranges("drive.", self, RANGES)?;
-        let latency = self.latency_ms.as_ref();
-        latency.map_or(Ok(()), |latency| latency.validate(algorithms))?;
+        match &self.latency_ms {
+            Some(Latency::Measured(_)) => {
+                let words = "drive.latency_ms: expected milliseconds, or a table of them";
+                return Err(Error::Invalid(words.to_owned()));
+            }
+            latency => latency
+                .iter()
+                .try_for_each(|own| own.validate("drive.latency_ms", algorithms))?,
+        }
         check_range("drive.", "steering.stop_m", *stop_m, 0.0, *lookahead_m)?;
         check_range(
             "drive.",

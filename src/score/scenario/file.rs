@@ -4,15 +4,15 @@ use super::source::algorithm_of;
 use super::stress::StressTable;
 use super::toml_error::line;
 use super::{
-    DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter, ScenarioKind,
-    ScenarioSource, SourceOptions, distinct_kinds,
+    CellTable, DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter,
+    ScenarioKind, ScenarioSource, SourceOptions, distinct_kinds,
 };
-use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice};
+use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, PieceConfig};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::{CellRule, GridShape};
+use svl_core::stereo::GridShape;
 use svl_core::{Error, Result};
 use svl_files::safe_name;
 use svl_sim::arena::ArenaConfig;
@@ -33,10 +33,11 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) grid: GridSettings,
     #[serde(default)]
-    pub(super) cells: CellRule,
+    pub(super) cells: CellTable,
     pub(super) source: SourceOptions,
     pub(super) arena: Option<ArenaConfig>,
     pub(super) drive: Option<DriveConfig>,
+    pub(super) piece: Option<PieceConfig>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) checkpoint: Vec<Checkpoint>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -78,7 +79,7 @@ impl File {
                 "grid: columns and rows are 1..={MAX_GRID}, min_valid 0..=1"
             ));
         }
-        self.cells.validate()?;
+        self.cells.rule.validate()?;
         for (i, checkpoint) in self.checkpoint.iter().enumerate() {
             checkpoint.validate(self.grid.shape())?;
             if self.checkpoint[..i]
@@ -132,22 +133,29 @@ impl File {
         for checkpoint in &self.checkpoint {
             check_place(checkpoint, &source)?;
         }
-        Ok(Scenario {
+        let mut scenario = Scenario {
             name: self.name,
             description: self.description,
             algorithms,
             grid: self.grid,
-            cells: self.cells,
+            cells: self.cells.rule,
+            latency: self.cells.latency_ms,
             source,
             options,
             checkpoints: self.checkpoint,
+            piece: None,
             columns: self.columns,
             ranges: self.ranges,
             filters,
             stress,
             gate,
             text: text.to_owned(),
-        })
+        };
+        scenario.check_latency()?;
+        if let Some(piece) = self.piece {
+            scenario.set_piece(piece)?;
+        }
+        Ok(scenario)
     }
 }
 

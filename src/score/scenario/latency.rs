@@ -1,38 +1,51 @@
-//! The latency of a drive: the time from the stamp of a pair until its command takes effect.
+//! Latencies: the time from the stamp of a pair until its answer arrives, or until the command of a
+//! drive takes effect.
 
+use super::{Scenario, ScenarioSource};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use svl_core::matcher::{self, Algorithm, MatcherKind};
+use std::str::FromStr;
+use svl_core::matcher::{self, Algorithm, MatcherKind, MatcherSpec};
+use svl_core::stereo::CellRule;
 use svl_core::{Error, Result};
 
-/// `latency_ms` of a scenario's `[drive]`, milliseconds.
+/// `latency_ms` of a scenario's `[drive]` or `[cells]`, milliseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected milliseconds, or a table of them by algorithm"
+    expecting = "expected milliseconds, or a table of them by algorithm; of [cells] also \"measured\""
 )]
-pub enum DriveLatency {
-    /// One latency of all algorithms but the ends of the scale, `truth` and `blind`.
+pub enum Latency {
+    /// One latency of all algorithms.
     All(f64),
     /// By an algorithm's label or name; the others have none.
     Each(BTreeMap<String, f64>),
+    /// Of `[cells]` alone.
+    Measured(MeasuredLatency),
 }
 
 /// The longest latency, milliseconds.
 const MAX_MS: f64 = 10_000.0;
 
-impl DriveLatency {
+impl Latency {
+    /// The latency of a driver, milliseconds: one of all is not that of the ends of the scale,
+    /// `truth` and `blind`.
+    pub fn ms_for(&self, driver: &Algorithm) -> Option<f64> {
+        let spec = driver.spec();
+        let is_end = matches!(spec.kind, MatcherKind::Truth | MatcherKind::Blind);
+        let is_of_all = matches!(self, Self::All(_));
+        self.ms(driver.label(), spec)
+            .filter(|_| !is_end || !is_of_all)
+    }
+
     /// The latency of an algorithm, milliseconds. The one of its label comes before that of its
     /// name.
-    pub fn ms_for(&self, algorithm: &Algorithm) -> Option<f64> {
-        let spec = algorithm.spec();
+    pub fn ms(&self, label: &str, spec: &MatcherSpec) -> Option<f64> {
         match self {
-            Self::All(ms) => {
-                let is_end = matches!(spec.kind, MatcherKind::Truth | MatcherKind::Blind);
-                (!is_end).then_some(*ms)
-            }
+            Self::Measured(_) => None,
+            Self::All(ms) => Some(*ms),
             Self::Each(table) => {
-                let by_label = table.get(algorithm.label()).copied();
+                let by_label = table.get(label).copied();
                 by_label.or_else(|| {
                     let mut named = table.iter();
                     named.find_map(|(name, ms)| {
@@ -46,24 +59,75 @@ impl DriveLatency {
     /// # Errors
     /// [`Error::Invalid`] for a number out of range, and for a name that is neither an algorithm
     /// nor a label of these.
-    pub(super) fn validate(&self, algorithms: &[Algorithm]) -> Result<()> {
+    pub(super) fn validate(&self, key: &str, algorithms: &[Algorithm]) -> Result<()> {
         let check = |place: &str, ms: f64| match (0.0..=MAX_MS).contains(&ms) {
             true => Ok(()),
             false => Err(Error::Invalid(format!(
-                "drive.latency_ms{place} = {ms} is outside 0 ..= {MAX_MS}"
+                "{key}{place} = {ms} is outside 0 ..= {MAX_MS}"
             ))),
         };
         let table = match self {
+            Self::Measured(_) => return Ok(()),
             Self::All(ms) => return check("", *ms),
             Self::Each(table) => table,
         };
         table.iter().try_for_each(|(name, ms)| {
             if algorithms.iter().all(|own| own.label() != name) {
-                matcher::find(name)
-                    .map_err(|error| Error::Invalid(format!("drive.latency_ms: {error}")))?;
+                matcher::find(name).map_err(|error| Error::Invalid(format!("{key}: {error}")))?;
             }
             check(&format!(".{name}"), *ms)
         })
+    }
+}
+
+/// The word for latencies that were measured: of a topic on the robot, of a matcher its median time
+/// here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MeasuredLatency {
+    Measured,
+}
+
+impl FromStr for Latency {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let ms = text.strip_suffix("ms").and_then(|ms| ms.parse().ok());
+        match ms.filter(|ms| (0.0..=MAX_MS).contains(ms)) {
+            Some(ms) => Ok(Self::All(ms)),
+            None if text == "measured" => Ok(Self::Measured(MeasuredLatency::Measured)),
+            None => Err(format!(
+                "expected `measured`, or 0 to {MAX_MS} milliseconds, as 80ms"
+            )),
+        }
+    }
+}
+
+/// `[cells]` of a scenario.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CellTable {
+    #[serde(flatten)]
+    pub rule: CellRule,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency_ms: Option<Latency>,
+}
+
+impl Scenario {
+    /// Checks that answers can be late.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for drives and scenes, for a number out of range, and for a name of no
+    /// algorithm.
+    pub fn check_latency(&self) -> Result<()> {
+        let Some(latency) = &self.latency else {
+            return Ok(());
+        };
+        let why = match self.source {
+            ScenarioSource::Drive { .. } => "drives have drive.latency_ms, by which they steer",
+            _ if self.has_separate_pairs() => "each pair shows another scene: omit it",
+            _ => return latency.validate("cells.latency_ms", &self.algorithms),
+        };
+        Err(Error::Invalid(format!("cells.latency_ms: {why}")))
     }
 }
 

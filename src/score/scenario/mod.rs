@@ -6,6 +6,7 @@ mod filter;
 mod latency;
 mod limit;
 mod pairs;
+mod piece;
 mod ranges;
 mod recordings;
 mod seeds;
@@ -18,7 +19,7 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
-pub use latency::DriveLatency;
+pub use latency::{CellTable, Latency, MeasuredLatency};
 pub use limit::{EXACT, Limit, PRIOR, WITNESS, is_of_witness, witness};
 pub use pairs::{CropScale, PairRange};
 pub use ranges::{DistanceRange, RangeEnds};
@@ -27,7 +28,7 @@ pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
-use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
+use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge, PieceConfig};
 use file::File;
 use std::path::Path;
 use svl_core::depth::GridSettings;
@@ -70,10 +71,14 @@ pub struct Scenario {
     pub algorithms: Vec<Algorithm>,
     pub grid: GridSettings,
     pub cells: CellRule,
+    /// The latency after which cells are scored, too.
+    pub latency: Option<Latency>,
     pub source: ScenarioSource,
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
     pub checkpoints: Vec<Checkpoint>,
+    /// The test pieces that the runs approach.
+    pub piece: Option<PieceConfig>,
     /// Metrics that tables show.
     pub columns: ColumnChoice,
     /// The distances at which the ranges of errors end.
@@ -170,9 +175,11 @@ impl Scenario {
             algorithms,
             grid: GridSettings::default(),
             cells: CellRule::default(),
+            latency: None,
             source: ScenarioSource::Recording(runs),
             options,
             checkpoints: Vec::new(),
+            piece: None,
             columns: ColumnChoice::Headline,
             ranges: RangeEnds::default(),
             filters: Vec::new(),
@@ -307,6 +314,7 @@ impl Scenario {
             grid: self.grid,
             cells: self.cells,
             checkpoints: self.checkpoints.clone(),
+            pieces: self.piece.clone(),
             ..Judge::default()
         }
     }

@@ -2,11 +2,12 @@
 
 use super::file::File;
 use super::source::calib_with_paths;
-use super::{Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
+use super::{CellTable, Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
 use std::path::{Path, PathBuf};
 use svl_core::matcher::{Algorithm, with_paths};
 use svl_core::{Error, Result};
 use svl_files::relative_path;
+use svl_sim::arena::ArenaConfig;
 
 impl Scenario {
     /// The scenario as the text of a file in `folder`, with the files that its patterns match.
@@ -86,9 +87,16 @@ impl Scenario {
             columns: self.columns.clone(),
             ranges: self.ranges.clone(),
             grid: self.grid,
-            cells: self.cells,
+            cells: CellTable {
+                rule: self.cells,
+                latency_ms: self.latency.clone(),
+            },
+            piece: self.piece.clone(),
             source: self.source_options(replaced)?,
-            arena: arena.map(|config| (**config).clone()),
+            arena: arena.map(|config| ArenaConfig {
+                pieces_m: Vec::new(),
+                ..(**config).clone()
+            }),
             drive: drive.map(|drive| (**drive).clone()),
             checkpoint: self.checkpoints.clone(),
             filter: filters.collect(),

@@ -18,6 +18,9 @@ pub struct ArenaConfig {
     pub sensor: SensorConfig,
     pub robot: RobotConfig,
     pub world: WorldConfig,
+    /// Width and height of test pieces, of which each seed places one: `[piece]` of a scenario.
+    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
+    pub pieces_m: Vec<[f64; 2]>,
 }
 
 /// Scenes other than the thesis's, drawn by a run's seed.

@@ -20,6 +20,7 @@ impl Default for ArenaConfig {
             sensor: SensorConfig::default(),
             robot: RobotConfig::default(),
             world: WorldConfig::default(),
+            pieces_m: Vec::new(),
         }
     }
 }

@@ -29,6 +29,10 @@ const CONTRASTS: [f64; 9] = [0.05, 0.07, 0.1, 0.15, 0.22, 0.32, 0.47, 0.68, 1.0]
 /// The same of floors, which are plainer.
 const FLOOR_CONTRASTS: [f64; 9] = [0.01, 0.016, 0.025, 0.04, 0.06, 0.1, 0.16, 0.25, 0.5];
 
+/// Distance of a test piece from the end of the robot's path, and its places beside it.
+const PIECE_AHEAD_M: f64 = 0.3;
+const PIECE_ASIDE_M: [f64; 6] = [0.07, 0.11, 0.15, -0.07, -0.11, -0.15];
+
 const FLOORS: [FloorPattern; 5] = [
     FloorPattern::Linoleum,
     FloorPattern::Noise,
@@ -45,13 +49,45 @@ impl ArenaConfig {
     pub(super) fn for_seed(&self, seed: u64) -> Result<Cow<'_, Self>> {
         self.check_random()?;
         Ok(match self.random {
-            None => Cow::Borrowed(self),
+            None if self.pieces_m.is_empty() => Cow::Borrowed(self),
+            None => Cow::Owned(self.with_piece(seed)),
             Some(RandomScenes::Worlds) => Cow::Owned(self.random_world(seed)?),
             Some(RandomScenes::Shapes | RandomScenes::Boards) => {
                 let mut dice = Dice::new(seed, NoiseStream::World);
                 Cow::Owned(self.random_head(&mut dice))
             }
         })
+    }
+
+    /// The arena with the test piece of a seed, ahead of the end of the robot's path.
+    fn with_piece(&self, seed: u64) -> Self {
+        let mut own = self.clone();
+        let pieces = std::mem::take(&mut own.pieces_m);
+        let count = pieces.len() as u64;
+        let [width_m, height_m] = pieces[(seed % count) as usize];
+        let depth_m = width_m.min(height_m);
+        let aside_m = PIECE_ASIDE_M[(seed / count % PIECE_ASIDE_M.len() as u64) as usize];
+        // Beside the path even if it is wide: its mirrored place is free.
+        let edge_m = 0.5 * width_m + 0.05;
+        let aside_m = if aside_m.abs() > edge_m {
+            aside_m
+        } else {
+            (edge_m + aside_m.abs() / 3.0).copysign(aside_m)
+        };
+        if let Some(end) = own.robot.path.last() {
+            let ahead = Rotation2::new(end.heading_deg.to_radians()) * Vector2::x();
+            let right = Vector2::new(ahead.y, -ahead.x);
+            let at =
+                Vector2::from(end.at_m) + (PIECE_AHEAD_M + 0.5 * depth_m) * ahead + aside_m * right;
+            own.world.blocks.push(Block {
+                name: "piece".to_owned(),
+                at_m: [at.x, at.y].map(|m| (1e3 * m).round() / 1e3),
+                size_m: [width_m, depth_m, height_m],
+                above_floor_m: 0.0,
+                heading_deg: end.heading_deg - 90.0,
+            });
+        }
+        own
     }
 
     /// Refuses keys that a random scene would override.

@@ -22,6 +22,16 @@ fn figures_are_complete_and_in_order() {
 }
 
 #[test]
+fn numbers_of_threads_are_compared() {
+    Fixture::new().transcript(
+        "bench --algo v3 --algo bm --size 64x48 --max-disparity 8 --threads 1,2 \
+        => 1 thread | 2 threads | times as fast | !p99
+        bench --threads 1,0 => 2: --threads
+        algos --threads 1,2 => 2: compared by `svl bench` alone",
+    );
+}
+
+#[test]
 fn bad_sizes_are_wrong_usage() {
     Fixture::new().svl("bench --size 0x9").failed(2, &["WxH"]);
     Fixture::new()

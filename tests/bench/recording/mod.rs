@@ -3,6 +3,7 @@
 mod bad_input;
 pub(crate) mod bag;
 mod bag_folders;
+mod board_depth;
 mod calibration_checks;
 mod calibration_stamps;
 mod clocks;

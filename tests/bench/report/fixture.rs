@@ -91,6 +91,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         level: 0,
         near_distance_m: None,
         near_px: None,
+        piece_m: None,
         surface_probability: None,
     }
 }

@@ -331,6 +331,7 @@ impl RigScale {
     pub fn words(&self) -> String {
         // To a tenth, and never -0.
         let percent = |scale: f64| (1000.0 * (scale - 1.0)).round() / 10.0 + 0.0;
+        let off = percent(self.scale).abs();
         let than = if self.scale > 1.0 { "long" } else { "short" };
         let mut ends = self
             .interval
@@ -343,13 +344,18 @@ impl RigScale {
                 "; its rows are {stretch:+.1} % longer than its columns: the print is stretched"
             )
         });
+        let scale = if off < 0.1 {
+            "right within 0.1 %".to_owned()
+        } else {
+            format!("{off:.1} % too {than}")
+        };
+        let cause = (off >= 0.1).then_some(": baseline, focal length or the print");
         format!(
-            "distances are {:.1} % too {than} ({:.1}–{:.1}, {}): baseline, focal length or the \
-             print{}",
-            percent(self.scale).abs(),
+            "distances are {scale} ({:.1}–{:.1}, {}){}{}",
             ends[0],
             ends[1],
             counted(self.pairs as u64, "pair"),
+            cause.unwrap_or_default(),
             stretched.unwrap_or_default()
         )
     }

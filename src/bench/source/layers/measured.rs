@@ -221,10 +221,10 @@ impl Source for MeasuredSource<'_> {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let Some(mut frame) = self.source.next()? else {
-            self.has_ended = true;
             if let Some(MeasuredMaps::Board(board)) = &self.measured.truth {
                 board.check_any(&self.source.name())?;
             }
+            self.has_ended = true;
             return Ok(None);
         };
         if let Some(truth) = &mut self.measured.truth {

@@ -207,9 +207,24 @@ impl RunSource {
             is_untimed: record.is_some_and(|record| record.is_untimed),
             start_ns: self.start_ns,
             stress: None,
+            seed: self.seed,
+        };
+        let judge = Judge {
+            run: run.clone(),
+            ..judge.clone()
         };
         match &self.source.first {
             Some(Ok(Some(frame))) => {
+                if let Some(piece) = judge.piece() {
+                    piece.check(frame)?;
+                    let floor = frame.floor.map(|floor| floor.camera_height_m());
+                    if floor.is_some_and(|height_m| 6.0 * piece.size_m[1] < height_m) {
+                        tracing::warn!(
+                            "the test piece is lower than a sixth of the camera's height: the \
+                             floor behind its top is within the tolerance"
+                        );
+                    }
+                }
                 let why_no_pose = || self.source.why_no_pose();
                 let mut checkpoints = judge.checkpoints.iter();
                 checkpoints
@@ -218,10 +233,7 @@ impl RunSource {
             // Nothing can be scored: the reason is reported before a report is begun.
             _ => drop(self.source.next()?),
         }
-        Ok(Judge {
-            run,
-            ..judge.clone()
-        })
+        Ok(judge)
     }
 }
 

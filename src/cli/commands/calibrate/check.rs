@@ -44,6 +44,7 @@ pub(super) struct Args {
         long,
         value_name = "COLUMNSxROWS",
         requires = "square_m",
+        conflicts_with = "truth",
         help_heading = "Board"
     )]
     squares: Option<String>,

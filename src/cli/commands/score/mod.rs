@@ -21,7 +21,9 @@ use svl::outputs::{Outputs, write};
 use svl::report::{
     BuildOptions, BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit,
 };
-use svl::scenario::{RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels};
+use svl::scenario::{
+    CellLatency, RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels,
+};
 use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
 
@@ -159,6 +161,18 @@ pub(crate) struct Args {
         hide_short_help = true
     )]
     ranges: Option<RangeEnds>,
+    /// Score cells also when their answer arrives: measured, or milliseconds as 80ms
+    ///
+    /// By the truth at that time. measured: depth of a topic by its latency on the robot, matchers by
+    /// their median time on this machine. Only speed times latency counts: double it to see twice
+    /// the speed [default: the scenario's, else none].
+    #[arg(
+        long,
+        value_name = "measured|MS",
+        help_heading = "Scoring",
+        hide_short_help = true
+    )]
+    latency: Option<Latency>,
     /// Explain the columns
     #[arg(long, help_heading = "Output")]
     explain: bool,

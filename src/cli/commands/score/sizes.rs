@@ -2,6 +2,7 @@
 
 use crate::cli::shared::usage;
 use svl::scenario::{MAX_GRID, Scenario};
+use svl::score::PieceConfig;
 use svl::stereo::{CellRule, GridShape};
 
 /// Least tolerance in metres where only one relative to the distance is given.
@@ -42,6 +43,15 @@ pub(super) struct SizeArgs {
         hide_short_help = true
     )]
     tolerance: Option<CellTolerance>,
+    /// Width and height of a test piece that each recording approaches, metres: from where on is it
+    /// always seen?
+    ///
+    /// The truth is dense, or a board on the piece: docs/reach.md
+    #[arg(
+        long, value_name = "WIDTHxHEIGHT", value_parser = piece, help_heading = "Scoring",
+        hide_short_help = true
+    )]
+    piece: Option<[f64; 2]>,
 }
 
 /// Metres, and per cent of the distance: the larger counts.
@@ -54,6 +64,15 @@ struct CellTolerance {
 fn shape(text: &str) -> Result<GridShape, String> {
     let shape = usage::grid(text, MAX_GRID);
     shape.ok_or_else(|| format!("expected COLUMNSxROWS, as 8x4, each 1 to {MAX_GRID}"))
+}
+
+fn piece(text: &str) -> Result<[f64; 2], String> {
+    let sides = text.split_once('x').map(|(width, height)| [width, height]);
+    let sides = sides.map(|sides| sides.map(|side| side.trim().parse().ok()));
+    match sides {
+        Some([Some(width), Some(height)]) => Ok([width, height]),
+        _ => Err("expected WIDTHxHEIGHT in metres, as 0.10x0.20".to_owned()),
+    }
 }
 
 fn tolerance(text: &str) -> Result<CellTolerance, String> {
@@ -80,6 +99,25 @@ const EXPECTED: &str =
 impl SizeArgs {
     /// Changes a scenario.
     pub(super) fn change(&self, scenario: &mut Scenario) -> anyhow::Result<()> {
+        self.change_cells(scenario)?;
+        let Some(size_m) = self.piece else {
+            return Ok(());
+        };
+        if scenario.kind() == "arena" {
+            return Err(usage::wrong(
+                "--piece is of recordings: sizes_m of [piece] places pieces in the arena"
+                    .to_owned(),
+            ));
+        }
+        let piece = PieceConfig {
+            sizes_m: vec![size_m],
+            near_m: None,
+        };
+        let set = scenario.set_piece(piece);
+        set.map_err(|e| usage::wrong(format!("--piece: {e}")))
+    }
+
+    fn change_cells(&self, scenario: &mut Scenario) -> anyhow::Result<()> {
         let name = &scenario.name;
         if let Some(shape) = self.cells {
             let own = scenario.grid.shape();

@@ -7,6 +7,7 @@ use crate::show::plot::bars::Bars;
 use crate::show::plot::chart::{Axis, Chart};
 use crate::show::plot::series::{AlgorithmColors, Series, SeriesStyle};
 use crate::show::plot::strips::Strips;
+use crate::subjects::pieces::SeenShares;
 use crate::subjects::reliability::{ABOUT, ReliabilityRow, reliability_chart};
 use crate::subjects::speed::STAGES;
 use crate::subjects::stress::{NUMBERS, kinds};
@@ -319,6 +320,23 @@ pub(crate) fn reliability(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Ve
     let title = "Reliability of probabilities";
     let plot = chart.map(|chart| PlotView::new(title, ABOUT, chart.svg_in(colors)));
     plot.into_iter().collect()
+}
+
+/// The part of the pairs that see a test piece over its distance, a plot for each piece.
+pub(crate) fn pieces(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Vec<PlotView> {
+    let own = &page.summary.basis.seen;
+    // In the order of the sizes.
+    let plots = own.chunk_by(|a, b| a.size == b.size).filter_map(|own| {
+        let size = &own[0].size;
+        let line =
+            |own: &SeenShares| Series::new(&own.algorithm, SeriesStyle::Both, own.points.clone());
+        let series = own.iter().map(line);
+        let y = Axis::share("pairs that see it, %").with_range(0.0, 100.0);
+        let chart = Chart::untitled(Axis::new("distance of the piece, m"), y, series).if_any()?;
+        let about = "Pairs that see the piece, of those in each 0.25 m of its distance.";
+        Some(PlotView::new(size, about, chart.svg_in(colors)))
+    });
+    plots.collect()
 }
 
 /// Latency, and where the time goes; nothing without pairs.

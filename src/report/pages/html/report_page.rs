@@ -28,6 +28,7 @@ impl ReportPage {
             plots::speed,
             plots::accuracy,
             plots::reliability,
+            plots::pieces,
         ];
         let plots = plots.iter().flat_map(|plots| plots(self, &colors));
         let plots = plots.chain(plots::maps(self, &colors, None));

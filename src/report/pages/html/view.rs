@@ -3,7 +3,7 @@
 use super::figures::{CheckpointFigure, Rank, ReportPage, SceneFigure};
 use super::frames::figure_view;
 use super::heat::heat_map;
-use super::plots::{accuracy, maps, reliability, speed, stress, trade_offs};
+use super::plots::{accuracy, maps, pieces, reliability, speed, stress, trade_offs};
 use super::scenes::{picture_colors, scene_view};
 use super::shades::{parameter_shades, swept};
 use crate::show::page::parts::{PageImages, css_color};
@@ -65,6 +65,7 @@ pub(crate) fn view(page: &ReportPage) -> Value {
         is_of_depth => is_of_depth(page),
         reliability => reliability(page, &colors),
         reliability_table => summary.reliability_table(), latency => summary.latency_table(),
+        pieces => summary.piece_table(), piece_plots => pieces(page, &colors),
         drives => summary.drive_table(), cases => page.cases,
         recordings => summary.recording_table(), timeline, worst => worst(page),
         is_other_area => summary.basis.area != AreaChoice::default(),

@@ -33,6 +33,8 @@ pub struct FrameOrigin {
     pub is_untimed: bool,
     /// Perturbation of its pairs, if any, in the text form of [`svl_sim::stress::Stress`].
     pub stress: Option<String>,
+    /// Seed of the arena, if it is one.
+    pub seed: Option<u64>,
 }
 
 impl FrameOrigin {

@@ -1,0 +1,349 @@
+//! A test piece in view: from where on does an algorithm always see it?
+//!
+//! Terms: *test piece* as in IEC TS 61496-4-3 and ANSI/ITSDF B56.5, *reach* as a tolerance limit
+//! (Wilks 1941), the greatest distance from which 95 % of the approaches see it, with a confidence
+//! of 95 %.
+
+use super::truth::TrueCells;
+use serde::{Deserialize, Serialize};
+use svl_core::stereo::{
+    Cell, CellDepth, CellRule, CellState, DepthGrid, Frame, GridShape, MapDensity, Plane, Rig,
+    Surface, Truth, TruthOrigin,
+};
+use svl_core::{Error, Result};
+
+/// Width and height of test pieces, metres: `[piece]` of a scenario.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PieceConfig {
+    /// The seeds of the arena draw them in turn; recordings have one.
+    pub sizes_m: Vec<[f64; 2]>,
+    /// Nearer pairs do not count [default: `obstacle_m`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_m: Option<f64>,
+}
+
+/// The test piece of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TestPiece {
+    pub size_m: [f64; 2],
+    pub near_m: f64,
+    /// True in the arena, whose only object it is.
+    pub is_only_object: bool,
+}
+
+/// Largest difference of the width of a region from that of the piece: a part of it, pixels.
+const WIDTH_PART: f64 = 0.25;
+const WIDTH_PX: f64 = 2.0;
+/// Least part of the piece's height that a region has: at its foot the floor is as near.
+const MIN_HEIGHT: f64 = 0.3;
+/// Fewest pixels of a piece in view, and least width of one at the nearest distance that counts.
+const MIN_PIXELS: usize = 6;
+const MIN_WIDTH_PX: f64 = 3.0;
+/// Part of the piece's pixels that are nearer than its distance, and of a cell's pixels than the
+/// nearest truth that a false report is compared with.
+const NEAREST: f64 = 0.1;
+const NEAREST_OF_CELL: f64 = 0.05;
+/// Largest part of a witness that is something else and not farther.
+const CLEAR: f64 = 0.05;
+
+/// A piece as a frame shows it, in the cells of a grid.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PieceView {
+    /// Distance of its nearest tenth, metres; `None` unless it is in view.
+    pub distance_m: Option<f64>,
+    /// True for the cells that show it and nothing else that is as near, in raster order.
+    witnesses: Vec<bool>,
+    /// The mirrored cells of these, if nothing is as near there.
+    mirrored: Vec<bool>,
+    /// Per cell the distance of its nearest twentieth, if that is known.
+    nearest_m: Vec<Option<f64>>,
+}
+
+/// A frame with a test piece through an algorithm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PieceSight {
+    pub is_seen: bool,
+    /// True if it would be seen in the mirrored cells, where it is not.
+    pub is_by_chance: bool,
+    /// True if the true distances of the cells see it.
+    pub exact_sees: bool,
+    /// Number of cells that are reported nearer than anything in them.
+    pub false_cells: usize,
+    /// True if one of these is in the robot's way and nearer than clear space.
+    pub is_stop: bool,
+}
+
+impl PieceConfig {
+    const SIZES_M: std::ops::RangeInclusive<f64> = 0.005..=5.0;
+    const NEAR_M: std::ops::RangeInclusive<f64> = 0.05..=50.0;
+
+    /// # Errors
+    /// [`Error::Invalid`] with the key and its range.
+    pub fn validate(&self) -> Result<()> {
+        let wrong = |what: String| Err(Error::Invalid(format!("piece: {what}")));
+        if self.sizes_m.is_empty() || self.sizes_m.len() > 100 {
+            return wrong("sizes_m = [[width, height], …] names 1 to 100 pieces".to_owned());
+        }
+        let mut sides = self.sizes_m.iter().flatten();
+        if let Some(side) = sides.find(|side| !Self::SIZES_M.contains(side)) {
+            return wrong(format!("sizes_m has {side}: a side is 0.005 to 5 m"));
+        }
+        match self.near_m.filter(|near| !Self::NEAR_M.contains(near)) {
+            Some(near) => wrong(format!("near_m = {near} is not from 0.05 to 50 m")),
+            None => Ok(()),
+        }
+    }
+
+    /// The piece of the run with that seed, or of a recording.
+    pub fn piece(&self, seed: Option<u64>, rule: CellRule) -> TestPiece {
+        let place = seed.unwrap_or_default() % self.sizes_m.len() as u64;
+        TestPiece {
+            size_m: self.sizes_m[place as usize],
+            near_m: self.near_m.unwrap_or(rule.obstacle_and_clear_m().0),
+            is_only_object: seed.is_some(),
+        }
+    }
+}
+
+impl TestPiece {
+    /// Refuses a frame in which no piece can be found.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the cure.
+    pub fn check(&self, frame: &Frame) -> Result<()> {
+        let Some(rig) = frame.rig() else {
+            return Err(Error::Invalid(
+                "a test piece has a size in metres, and the pairs have no calibration: --calib FILE"
+                    .to_owned(),
+            ));
+        };
+        let is_sparse = |truth: &Truth| truth.kind.density == MapDensity::Sparse;
+        if frame
+            .truth
+            .as_ref()
+            .is_some_and(|own| is_sparse(own) && !is_board(own))
+        {
+            return Err(Error::Invalid(
+                "a test piece is found in a dense truth, and this one is of points: --truth with a \
+                 depth image, or a board on the piece"
+                    .to_owned(),
+            ));
+        }
+        let width_px = rig.focal_px() * self.size_m[0] / self.near_m;
+        if width_px < MIN_WIDTH_PX {
+            return Err(Error::Invalid(format!(
+                "piece: {} m is {width_px:.1} px wide at {} m; at least 3 px are needed: a wider \
+                 piece, larger images or a smaller near_m",
+                self.size_m[0], self.near_m
+            )));
+        }
+        Ok(())
+    }
+
+    /// The piece in a frame with a dense truth and a rig.
+    pub fn view(&self, frame: &Frame, shape: GridShape, rule: CellRule) -> Option<PieceView> {
+        let (truth, rig) = (frame.truth.as_ref()?, frame.rig()?);
+        let depth = truth.disparity.map(|d| {
+            let known = d.is_finite().then(|| rig.depth_m(d.into()));
+            // Beyond infinity as at infinity; unknown is NaN.
+            known.map_or(f64::NAN, |m| m.unwrap_or(f64::INFINITY)) as f32
+        });
+        let mask = match &truth.surface {
+            Some(surface) if self.is_only_object => Some(surface.map(|s| s == Surface::Object)),
+            // The board alone has a truth.
+            _ if is_board(truth) => Some(depth.map(|m| !m.is_nan())),
+            _ => self.region(&depth, rig, rule),
+        };
+        let size = depth.size();
+        let pixels = |place| {
+            let (columns, rows) = shape.pixels(place, size);
+            rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+        };
+        let nearest_m = shape.iter().map(|place| {
+            let values = pixels(place).map(|(x, y)| depth.get(x, y));
+            nearest(values.filter(|m| !m.is_nan()).collect(), NEAREST_OF_CELL)
+        });
+        let mut view = PieceView {
+            nearest_m: nearest_m.collect(),
+            ..PieceView::default()
+        };
+        let Some(mask) = mask else {
+            return Some(view);
+        };
+        let own = mask.pixels().zip(depth.pixels());
+        let own: Vec<_> = own
+            .filter(|(is, m)| *is && m.is_finite())
+            .map(|own| own.1)
+            .collect();
+        if own.len() < MIN_PIXELS {
+            return Some(view);
+        }
+        let distance_m = nearest(own, NEAREST)?;
+        let limit_m = (distance_m + rule.tolerance_at_m(distance_m)) as f32;
+        let is_beside_far = |m: f32| m > limit_m || m.is_nan() && is_board(truth);
+        let outstanding = outstanding(&mask, &depth, is_beside_far);
+        // Per cell: pixels that stand out, other ones that are not farther, and all.
+        let counts = shape.iter().map(|place| {
+            pixels(place).fold([0; 3], |[own, other, all], (x, y)| {
+                let stands = outstanding.get(x, y);
+                let is_near = !stands && depth.get(x, y) <= limit_m;
+                [
+                    own + usize::from(stands),
+                    other + usize::from(is_near),
+                    all + 1,
+                ]
+            })
+        });
+        let counts: Vec<[usize; 3]> = counts.collect();
+        view.distance_m = Some(distance_m);
+        let is_witness =
+            |[own, other, all]: [usize; 3]| own > 0 && (other as f64) < CLEAR * all as f64;
+        view.witnesses = counts.iter().copied().map(is_witness).collect();
+        let mirrored = shape.iter().enumerate().map(|(i, (column, row))| {
+            let [own, other, _] = counts[i];
+            let opposite = row * shape.columns + shape.columns - 1 - column;
+            own == 0 && other == 0 && view.witnesses[opposite]
+        });
+        view.mirrored = mirrored.collect();
+        Some(view)
+    }
+
+    /// The only region of the width and the height of the piece that is nearer than what is beside
+    /// it; `None` without one, or with two.
+    fn region(&self, depth: &Plane<f32>, rig: &Rig, rule: CellRule) -> Option<Plane<bool>> {
+        let (width, height) = depth.size();
+        let is_nearer = |m: f32, other: f32| {
+            !m.is_nan() && f64::from(other - m) > rule.tolerance_at_m(m.into())
+        };
+        // Runs of a row: first and last column, and the region that they belong to.
+        let mut regions: Vec<Vec<(usize, usize, usize)>> = Vec::new();
+        let mut above: Vec<(usize, usize, usize)> = Vec::new();
+        for y in 0..height {
+            let row = depth.row(y);
+            let (mut start, mut found) = (None, Vec::new());
+            for x in 1..width - 1 {
+                if is_nearer(row[x], row[x - 1]) {
+                    start = Some(x);
+                }
+                if !is_nearer(row[x], row[x + 1]) {
+                    continue;
+                }
+                let Some(first) = start.take() else { continue };
+                let pixels = (x + 1 - first) as f64;
+                let expected = rig.focal_px() * self.size_m[0] / f64::from(row[x]);
+                if (pixels - expected).abs() <= (WIDTH_PART * expected).max(WIDTH_PX) {
+                    found.push((first, x));
+                }
+            }
+            let runs = found.into_iter().map(|(first, last)| {
+                let mut touching = above.iter();
+                let own = touching.find(|(from, to, _)| first <= *to && *from <= last);
+                let region = own.map_or(regions.len(), |own| own.2);
+                if region == regions.len() {
+                    regions.push(Vec::new());
+                }
+                regions[region].push((y, first, last));
+                (first, last, region)
+            });
+            above = runs.collect();
+        }
+        let is_high = |runs: &&Vec<(usize, usize, usize)>| {
+            let (y, first, _) = runs[0];
+            let expected = rig.focal_px() * self.size_m[1] / f64::from(depth.get(first, y));
+            runs.len() as f64 >= MIN_HEIGHT * expected
+        };
+        let mut regions = regions.iter().filter(is_high);
+        let (own, None) = (regions.next()?, regions.next()) else {
+            return None;
+        };
+        let mut mask = Plane::filled(width, height, false).ok()?;
+        for &(y, first, last) in own {
+            (first..=last).for_each(|x| mask.set(x, y, true));
+        }
+        Some(mask)
+    }
+}
+
+/// True of the truth of a printed board.
+fn is_board(truth: &Truth) -> bool {
+    matches!(truth.kind.origin, TruthOrigin::Board(_))
+}
+
+/// The pixels of a piece in rows in which both neighbours of it are far.
+fn outstanding(mask: &Plane<bool>, depth: &Plane<f32>, far: impl Fn(f32) -> bool) -> Plane<bool> {
+    let (width, height) = mask.size();
+    let rows: Vec<bool> = (0..height)
+        .map(|y| {
+            let row = mask.row(y);
+            let ends = row
+                .iter()
+                .position(|own| *own)
+                .zip(row.iter().rposition(|own| *own));
+            ends.is_some_and(|(first, last)| {
+                let is_far = |x: usize| x >= width || far(depth.get(x, y));
+                is_far(first.wrapping_sub(1)) && is_far(last + 1)
+            })
+        })
+        .collect();
+    let mut own = mask.clone();
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        own.set(x, y, mask.get(x, y) && rows[y]);
+    }
+    own
+}
+
+/// The value that a part of all are nearer than.
+fn nearest(mut values: Vec<f32>, part: f64) -> Option<f64> {
+    let rank = (part * values.len() as f64) as usize;
+    (rank < values.len()).then(|| f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1))
+}
+
+impl PieceView {
+    /// True for a cell, by its number in raster order, that shows the piece alone.
+    fn is_witness(&self, cell: usize) -> bool {
+        self.witnesses.get(cell) == Some(&true)
+    }
+
+    /// The distance of the piece, of a cell that shows it alone.
+    pub fn shown_m(&self, cell: usize) -> Option<f64> {
+        self.distance_m.filter(|_| self.is_witness(cell))
+    }
+
+    /// The sight of the algorithm that reports a grid.
+    pub fn sight(&self, grid: &DepthGrid, truth: Option<&TrueCells>, rule: CellRule) -> PieceSight {
+        let shape = grid.shape();
+        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+        let own = |depth: Option<CellDepth>| depth.and_then(|own| own.distance_m);
+        let agrees = |m: Option<f64>| {
+            let off = m.zip(self.distance_m).map(|(m, own)| (m - own).abs());
+            off.is_some_and(|off| off <= rule.tolerance_at_m(self.distance_m.unwrap_or_default()))
+        };
+        let sees = |cell: &Cell| {
+            let is_near = [CellState::Near, CellState::TooClose].contains(&cell.state());
+            let surface_m = cell.surface.map(|surface| surface.distance_m);
+            let is_nearer = is_near && self.distance_m < Some(obstacle_m);
+            is_nearer || agrees(own(cell.depth)) || agrees(surface_m)
+        };
+        let mut sight = PieceSight::default();
+        for (i, ((column, _), cell)) in grid.iter().enumerate() {
+            sight.is_seen |= self.is_witness(i) && sees(cell);
+            sight.is_by_chance |= self.mirrored.get(i) == Some(&true) && sees(cell);
+            let reported = cell.nearest_m();
+            let nearest = self.nearest_m.get(i).copied().flatten();
+            let is_false = reported
+                .zip(nearest)
+                .is_some_and(|(m, nearest)| m < nearest - rule.tolerance_at_m(nearest));
+            sight.false_cells += usize::from(is_false);
+            let is_ahead = (shape.columns..2 * shape.columns).contains(&(3 * column + 1));
+            sight.is_stop |= is_false && is_ahead && reported < Some(clear_m);
+        }
+        if let Some(truth) = truth {
+            let exact = truth.grid().iter().zip(truth.near());
+            sight.exact_sees = exact.enumerate().any(|(i, ((_, median), near))| {
+                self.is_witness(i) && (agrees(own(median.depth)) || agrees(own(near)))
+            });
+        }
+        sight
+    }
+}
