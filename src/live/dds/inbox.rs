@@ -1,7 +1,7 @@
 //! Receives the messages of topics, and counts those that were lost.
 
 use super::cdr::RawCdr;
-use super::{DEPTH, Domain, FoundTopic, qos};
+use super::{Domain, FoundTopic, qos};
 use rustdds::mio1::{Events, Interest, Poll, Token};
 use rustdds::no_key::SimpleDataReader;
 use rustdds::{GUID, Subscriber};
@@ -38,19 +38,13 @@ impl TopicInbox {
     /// # Errors
     /// The errors of DDS.
     pub fn new(domain: Domain, topics: &[FoundTopic]) -> Result<Self> {
-        let subscriber = domain
-            .participant
-            .create_subscriber(&qos(false, false, DEPTH));
+        let subscriber = domain.participant.create_subscriber(&qos(false, false));
         let subscriber = subscriber.map_err(|e| domain.failed(e))?;
         let poll = Poll::new().map_err(|e| domain.failed(e))?;
         let mut readers = Vec::new();
         for (place, found) in topics.iter().enumerate() {
             let is_image = found.topic.is_image();
-            let qos = qos(
-                found.reliable && !is_image,
-                found.latched && !is_image,
-                DEPTH,
-            );
+            let qos = qos(found.reliable && !is_image, found.latched && !is_image);
             let topic = domain.dds_topic(&found.topic, &qos)?;
             let mut reader = subscriber
                 .create_simple_datareader_no_key(&topic, Some(qos))

@@ -22,6 +22,9 @@ use svl_recording::LiveTopic;
 const RECEIVE_BYTES: usize = 8 << 20;
 /// Messages of a topic that DDS keeps until they are taken.
 const DEPTH: i32 = 16;
+/// Messages of a reliable topic that a subscriber may leave unconfirmed: DDS forgets one that is
+/// silent before there are that many.
+const MAX_UNCONFIRMED: i32 = 1024;
 
 /// A domain of DDS that svl takes part in.
 pub struct Domain {
@@ -115,8 +118,8 @@ fn ros_topic(name: &str, type_name: &str) -> Option<LiveTopic> {
     })
 }
 
-/// `samples`: limit on the messages that DDS keeps of a topic.
-fn qos(reliable: bool, latched: bool, samples: i32) -> QosPolicies {
+fn qos(reliable: bool, latched: bool) -> QosPolicies {
+    let samples = if reliable { MAX_UNCONFIRMED } else { DEPTH };
     QosPolicyBuilder::new()
         .reliability(if reliable {
             Reliability::Reliable {

@@ -1,17 +1,13 @@
 //! Publishes messages to topics, and knows who reads them.
 
 use super::cdr::{RawCdr, body};
-use super::{DEPTH, Domain, qos, ros_topic};
+use super::{Domain, qos, ros_topic};
 use rustdds::bytes::Bytes;
 use rustdds::no_key::DataWriter;
 use rustdds::{Publisher, QosPolicies};
 use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_recording::LiveTopic;
-
-/// Messages that a subscriber may leave unconfirmed: DDS forgets one that is silent before there are
-/// that many.
-const MAX_UNCONFIRMED: i32 = 1024;
 
 /// Publishers of some topics.
 pub struct TopicOutbox {
@@ -38,9 +34,7 @@ impl TopicOutbox {
     /// # Errors
     /// The errors of DDS.
     pub fn new(domain: Domain) -> Result<Self> {
-        let publisher = domain
-            .participant
-            .create_publisher(&qos(false, false, DEPTH));
+        let publisher = domain.participant.create_publisher(&qos(false, false));
         let publisher = publisher.map_err(|e| domain.failed(e))?;
         Ok(Self {
             topics: BTreeMap::new(),
@@ -55,8 +49,7 @@ impl TopicOutbox {
     /// # Errors
     /// The errors of DDS.
     pub fn declare(&mut self, topic: &LiveTopic, reliable: bool, latched: bool) -> Result<()> {
-        let samples = if reliable { MAX_UNCONFIRMED } else { DEPTH };
-        let qos = qos(reliable, latched, samples);
+        let qos = qos(reliable, latched);
         let writer = self.writer(topic, &qos)?;
         let (name, topic) = (topic.name.clone(), topic.clone());
         let offered = OfferedTopic { topic, qos, writer };
