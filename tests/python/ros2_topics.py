@@ -270,8 +270,10 @@ def read(domain, name, messages, seconds, *options):
     ready, until = (option(options, name) for name in ["ready", "until"])
     if ready:
         open(ready, "w").close()
-    ages, first = [], None
-    while left and time.time() < end and not os.path.exists(until):
+    ages, first, ended = [], None, False
+    while left and not ended:
+        # What came before the end is taken.
+        ended = time.time() >= end or os.path.exists(until)
         # The end of a publisher is a sample without a message.
         for message in (sample for sample in reader.take(N=left) if hasattr(sample, "header")):
             left -= 1

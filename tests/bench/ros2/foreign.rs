@@ -191,15 +191,14 @@ fn subscribers_that_are_there_get_the_first_pair_of_a_recording() {
             return;
         };
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_says(&ran.stderr, &[" found"]);
         if !ran.stderr.contains("2 subscribers found") {
             skip("discovery takes longer than svl waits, on a machine under load");
             return;
         }
         let first = frames(&fixture, "run.mcap").next().unwrap().stamp_ns;
         for read in [best_effort, reliable] {
-            let read = &lines(&read)[0];
-            assert_eq!(read["messages"], 12, "{read}");
-            assert_eq!(read["first_ns"].as_u64(), Some(first));
+            assert_eq!(lines(&read)[0]["first_ns"].as_u64(), Some(first));
         }
     });
 }
