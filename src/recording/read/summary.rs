@@ -50,8 +50,8 @@ pub struct RecordingSummary {
     pub losses: Vec<DamagedPart>,
     /// Messages counted in the file's own summary but not found, by topic.
     pub missing: BTreeMap<String, u64>,
-    /// Missing numbers in the sequence of pairs, lost to damage or dropped by the recorder, and pairs
-    /// that the network lost.
+    /// Missing numbers in the sequence of pairs, lost to damage or dropped by the recorder, and
+    /// pairs that the network lost.
     pub missing_pairs: u64,
     /// Image topics that `svl replay` would use for left and right, in another program's recording.
     pub stereo: Option<[String; 2]>,

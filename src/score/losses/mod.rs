@@ -367,7 +367,7 @@ mod tests {
                 3,
                 Some("3 pairs dropped by a full queue"),
             ),
-            // Its partner came, alone, or after the end.
+            // The partner came alone, or after the end.
             (
                 losses(1, 0, 1, 0),
                 1,

@@ -4,7 +4,7 @@ use super::alignment_monitor::AlignmentMonitor;
 use super::board_truth::{BoardFinder, BoardSightings};
 use super::distinct::DistinctSource;
 use super::floored::{FlooredSource, ToldFloor};
-use super::limited::{FirstPairs, Limited, Stamped};
+use super::limited::{FirstPairs, Limited, MatchedPairs};
 use super::measured::{MeasuredSource, SourceMaps};
 use super::plausible::PlausibleSource;
 use super::rectified::{AppliedCalibration, RectifiedSource, assumed, declared};
@@ -69,7 +69,7 @@ chain! {
     /// A range of the source's pairs.
     limit(range: PairRange), |source| Limited::new(source, range, None);
     /// The pairs that another run matched, by their stamps.
-    matched(stamps_ns: BTreeSet<u64>), |source| Stamped { source, stamps_ns };
+    matched(stamps_ns: BTreeSet<u64>), |source| MatchedPairs { source, stamps_ns };
     /// One picture twice is refused.
     distinct(_all: ()), |source| DistinctSource::new(source);
     /// A board is searched for that is the truth.

@@ -26,12 +26,12 @@ impl FirstPairs {
 }
 
 /// The pairs of a source with one of these stamps: those that a run of live topics matched.
-pub(crate) struct Stamped<'a> {
+pub(crate) struct MatchedPairs<'a> {
     pub source: Box<dyn Source + 'a>,
     pub stamps_ns: BTreeSet<u64>,
 }
 
-impl Source for Stamped<'_> {
+impl Source for MatchedPairs<'_> {
     wraps!();
 
     fn next(&mut self) -> Result<Option<Frame>> {

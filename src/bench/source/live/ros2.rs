@@ -333,7 +333,7 @@ impl Receiver {
     fn losses(&self) -> Losses {
         let mut lost = self.inbox.lost().map(|(_, lost)| lost);
         let [left, right] = [(); 2].map(|()| lost.next().unwrap_or(0));
-        // Of a pair that is lost whole no image is left without a partner.
+        // A pair that is lost whole leaves no image without a partner.
         let whole = (left + right).saturating_sub(self.pairs.unpaired()) / 2;
         Losses {
             lost_images: left + right,
