@@ -13,7 +13,7 @@ use svl_report::units::{
     Units,
 };
 use svl_report::{FloorRays, FrameRow, TruthRow};
-use svl_score::judge::{CellArea, Checkpoint, Judged, TrueCells};
+use svl_score::judge::{BodyPose, CellArea, Checkpoint, Judged, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
@@ -124,7 +124,9 @@ impl UnitSink {
     /// The facts of the pair of a frame.
     fn pair(&self, judged: &Judged) -> PairFacts {
         let frame = &judged.frame;
-        let Frame { name, pose, .. } = frame;
+        let Frame {
+            name, pose, base, ..
+        } = frame;
         let input = hash_words(judged.input_hash());
         // Programs may get the colours that the pair is the luma of.
         let colors = frame.color.as_ref();
@@ -135,7 +137,7 @@ impl UnitSink {
                 .concat()
         };
         let colors = colors.map(|own| own.each_ref().map(|own| hash_bytes(&bytes(own))));
-        let key = (frame.sequence, name, pose, self.start_ns, colors);
+        let key = (frame.sequence, name, (pose, base), self.start_ns, colors);
         let maps = frame.maps.iter().map(|map| {
             let pixels = map.disparity.pixels();
             let bytes: Vec<u8> = pixels.flat_map(f32::to_le_bytes).collect();
@@ -145,6 +147,7 @@ impl UnitSink {
             sequence: frame.sequence,
             hash: hash(&format!("{input} {key:?}")),
             infinity_px: frame.rig().map(Rig::infinity_px),
+            body: BodyPose::new(frame),
             floor: frame
                 .floor
                 .zip(frame.rig())

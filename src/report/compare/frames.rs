@@ -257,7 +257,7 @@ fn shot(
         grid.map_or_else(|_| Vec::new(), |grid| overlay::marks(&grid, size, nearness))
     };
     Ok(FrameShot {
-        estimate: marks(CellRow::depth),
+        estimate: marks(|cell| cell.depth(None)),
         // The table of cells has no percentiles of the truth.
         truth: Some(marks(|cell| {
             Some(CellDepth::at(cell.true_median_px? as f32, None))

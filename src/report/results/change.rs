@@ -283,7 +283,7 @@ impl Change {
 /// the pairs that are resampled.
 pub(crate) fn is_ranked(metric: &Metric) -> bool {
     let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
-    let is_other = metric.estimated().is_some() || metric.is_late();
+    let is_other = metric.estimated().is_some() || metric.is_of_motion();
     metric.better != Better::Neither
         && metric.unit != MetricUnit::Ms
         && !is_of_checkpoints

@@ -118,6 +118,8 @@ pub struct ReportTables {
     /// The rows of the references, where cells are scored by distances.
     pub references: Rows,
     pub estimates: Vec<EstimateRow>,
+    /// What is doubtful of the ways that robots drove.
+    pub warnings: Vec<String>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,
 }

@@ -14,6 +14,7 @@ pub mod protocol;
 pub mod signs;
 mod sparse;
 mod truth;
+mod way;
 
 pub use area::{AreaChoice, CellArea};
 pub use cells::{
@@ -34,3 +35,4 @@ pub use metrics::{
     TruthLevel,
 };
 pub use truth::{CellTruth, NearTruth, TrueCells};
+pub use way::{BodyPose, DrivenWay, RobotSize, WayBounds};

@@ -90,6 +90,7 @@ impl Scenario {
                 rule: self.cells,
                 latency_ms: self.latency.clone(),
             },
+            robot: self.robot,
             source: self.source_options(replaced)?,
             arena: arena.map(|config| (**config).clone()),
             drive: drive.map(|drive| (**drive).clone()),
