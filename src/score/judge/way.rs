@@ -307,3 +307,92 @@ impl DrivenWay {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+
+    const BODY: RobotSize = RobotSize {
+        width_m: 0.4,
+        height_m: 0.3,
+    };
+    const ONE: GridShape = GridShape {
+        columns: 1,
+        rows: 1,
+    };
+
+    /// A robot at a place, 0.1 s after the one before, with a camera 0.1 m above it that sees what
+    /// is straight ahead.
+    fn pose(number: u64, x: f64, heading: f64) -> Option<BodyPose> {
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading);
+        let right_angle = std::f64::consts::FRAC_PI_2;
+        let optical = UnitQuaternion::from_euler_angles(-right_angle, 0.0, -right_angle);
+        Some(BodyPose {
+            stamp_ns: number * 100_000_000,
+            camera: Isometry3::from_parts(Translation3::new(x, 0.0, 0.1), yaw * optical),
+            base_m: Point3::new(x, 0.0, 0.0),
+            heading,
+            edges: [-1e-6, -1e-6, 1e-6, 1e-6],
+        })
+    }
+
+    fn bound(poses: Vec<Option<BodyPose>>) -> Option<f64> {
+        DrivenWay::new(BODY, poses).bounds(0, ONE)?.free_m[0]
+    }
+
+    fn straight(steps: u64) -> Vec<Option<BodyPose>> {
+        (0..=steps).map(|i| pose(i, 0.05 * i as f64, 0.0)).collect()
+    }
+
+    #[test]
+    fn a_ray_is_free_as_far_as_the_body_came_with_a_margin() {
+        // 0.1 m above the floor is inside until 0.1 = 0.01 + 0.07 z: the last depth is 1.28 m.
+        let far_m = bound(straight(60)).unwrap();
+        assert!((far_m - (1.28 - 0.01 - 0.02 * 1.28)).abs() < 1e-4, "{far_m}");
+        // The body came to 1 m: a point there is still before it.
+        let near_m = bound(straight(20)).unwrap();
+        assert!((near_m - (0.99 - 0.01 - 0.02 * 0.99)).abs() < 0.011, "{near_m}");
+    }
+
+    #[test]
+    fn a_way_ends_at_gaps_jumps_and_turns_and_none_frees_nothing() {
+        let until = |change: &dyn Fn(u64, Option<BodyPose>) -> Option<BodyPose>| {
+            let poses = straight(60).into_iter().zip(0..);
+            bound(poses.map(|(pose, number)| change(number, pose)).collect())
+        };
+        let whole = until(&|_, own| own).unwrap();
+        let missing = until(&|number, own| own.filter(|_| number != 10)).unwrap();
+        let jump = until(&|number, own| {
+            let mut own = own?;
+            own.base_m.x += if number > 10 { 0.5 } else { 0.0 };
+            Some(own)
+        });
+        let turn = until(&|number, own| if number > 10 { pose(number, 0.5, 2.0) } else { own });
+        for end_m in [Some(missing), jump, turn] {
+            let end_m = end_m.unwrap();
+            assert!((0.4..0.51).contains(&end_m) && end_m < whole, "{end_m}");
+        }
+        let turning = (0..30).map(|i| pose(i, 0.0, 0.1 * i as f64)).collect();
+        assert_eq!(bound(turning), None);
+        assert_eq!(bound(vec![None; 9]), None);
+        assert_eq!(bound(Vec::new()), None);
+    }
+
+    #[test]
+    fn a_way_that_says_nothing_has_a_reason() {
+        let refusal = |size: &str, poses| {
+            let own = DrivenWay::new(size.parse().unwrap(), poses);
+            own.refusal().unwrap_or_default()
+        };
+        assert!(refusal("0.4x0.3", vec![None; 3]).contains("no pair has a pose"));
+        assert!(refusal("0.4x0.09", straight(9)).contains("outside a body of 0.4x0.09 m"));
+        let still = (0..30).map(|i| pose(i, 0.0, 0.0)).collect();
+        assert!(refusal("0.4x0.3", still).contains("go nowhere"));
+        assert_eq!(refusal("0.4x0.3", straight(9)), "");
+        for text in ["", "0.5", "0.5x", "0x0.4", "nanx0.4", "0.5x-1", "0.5x0.4x3", "21x1"] {
+            let why = text.parse::<RobotSize>().unwrap_err();
+            assert!(why.contains("as 0.50x0.40, each 0.02 to 20"), "{text}: {why}");
+        }
+    }
+}
