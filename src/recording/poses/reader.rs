@@ -136,8 +136,8 @@ impl PoseReader {
 
     /// The pose of `frame` in the topmost frame above it, if a moving one is on the way; `None` if
     /// no two poses around the stamp are near enough. All are in the frame of the first: one above
-    /// it that comes later would move the places. With the pose of the robot's base in it, if that is
-    /// on the way.
+    /// it that comes later would move the places. With the pose of the robot's base in it, if that
+    /// is on the way.
     pub(crate) fn at(
         &mut self,
         frame: &str,

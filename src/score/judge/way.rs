@@ -112,7 +112,8 @@ impl BodyPose {
         })
     }
 
-    /// A point of the world ahead of the blade, to the left of its middle, and above its lower edge.
+    /// A point of the world: how far ahead of the blade, left of its middle and above its lower
+    /// edge.
     fn see(&self, point: &Point3<f64>) -> [f64; 3] {
         let apart = point - self.base_m;
         let (sin, cos) = self.heading.sin_cos();
@@ -125,7 +126,7 @@ impl BodyPose {
 }
 
 /// A step between two poses next to each other: the way and the turn from the pair to it.
-struct Step<'a> {
+struct WayStep<'a> {
     ends: [&'a BodyPose; 2],
     way_m: f64,
     length_m: f64,
@@ -202,7 +203,7 @@ impl DrivenWay {
     }
 
     /// The steps ahead of a pair, and the length of the way.
-    fn steps(&self, pair: usize) -> (Vec<Step<'_>>, f64) {
+    fn steps(&self, pair: usize) -> (Vec<WayStep<'_>>, f64) {
         let (mut steps, mut way_m, mut turn) = (Vec::new(), 0.0, 0.0);
         let Some(first) = self.poses.get(pair).and_then(Option::as_ref) else {
             return (steps, way_m);
@@ -230,7 +231,7 @@ impl DrivenWay {
             turn += turned(from, own);
             if length_m >= MIN_STEP_M {
                 let ends = [from, own];
-                steps.push(Step {
+                steps.push(WayStep {
                     ends,
                     way_m,
                     length_m,
@@ -244,7 +245,7 @@ impl DrivenWay {
 
     /// The distance from an edge that a point needs there, if it passes the blade in a step, that
     /// far inside.
-    fn freed(&self, step: &Step<'_>, point: &Point3<f64>) -> Option<f64> {
+    fn freed(&self, step: &WayStep<'_>, point: &Point3<f64>) -> Option<f64> {
         let [from, to] = step.ends.map(|pose| pose.see(point));
         if (from[0] > 0.0) == (to[0] > 0.0) {
             return None;
@@ -349,10 +350,16 @@ mod tests {
     fn a_ray_is_free_as_far_as_the_body_came_with_a_margin() {
         // 0.1 m above the floor is inside until 0.1 = 0.01 + 0.07 z: the last depth is 1.28 m.
         let far_m = bound(straight(60)).unwrap();
-        assert!((far_m - (1.28 - 0.01 - 0.02 * 1.28)).abs() < 1e-4, "{far_m}");
+        assert!(
+            (far_m - (1.28 - 0.01 - 0.02 * 1.28)).abs() < 1e-4,
+            "{far_m}"
+        );
         // The body came to 1 m: a point there is still before it.
         let near_m = bound(straight(20)).unwrap();
-        assert!((near_m - (0.99 - 0.01 - 0.02 * 0.99)).abs() < 0.011, "{near_m}");
+        assert!(
+            (near_m - (0.99 - 0.01 - 0.02 * 0.99)).abs() < 0.011,
+            "{near_m}"
+        );
     }
 
     #[test]
@@ -368,7 +375,13 @@ mod tests {
             own.base_m.x += if number > 10 { 0.5 } else { 0.0 };
             Some(own)
         });
-        let turn = until(&|number, own| if number > 10 { pose(number, 0.5, 2.0) } else { own });
+        let turn = until(&|number, own| {
+            if number > 10 {
+                pose(number, 0.5, 2.0)
+            } else {
+                own
+            }
+        });
         for end_m in [Some(missing), jump, turn] {
             let end_m = end_m.unwrap();
             assert!((0.4..0.51).contains(&end_m) && end_m < whole, "{end_m}");
@@ -390,9 +403,21 @@ mod tests {
         let still = (0..30).map(|i| pose(i, 0.0, 0.0)).collect();
         assert!(refusal("0.4x0.3", still).contains("go nowhere"));
         assert_eq!(refusal("0.4x0.3", straight(9)), "");
-        for text in ["", "0.5", "0.5x", "0x0.4", "nanx0.4", "0.5x-1", "0.5x0.4x3", "21x1"] {
+        for text in [
+            "",
+            "0.5",
+            "0.5x",
+            "0x0.4",
+            "nanx0.4",
+            "0.5x-1",
+            "0.5x0.4x3",
+            "21x1",
+        ] {
             let why = text.parse::<RobotSize>().unwrap_err();
-            assert!(why.contains("as 0.50x0.40, each 0.02 to 20"), "{text}: {why}");
+            assert!(
+                why.contains("as 0.50x0.40, each 0.02 to 20"),
+                "{text}: {why}"
+            );
         }
     }
 }

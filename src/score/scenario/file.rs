@@ -4,7 +4,7 @@ use super::source::algorithm_of;
 use super::stress::StressTable;
 use super::toml_error::line;
 use super::{
-    CellTable, DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter,
+    CellKeys, DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter,
     ScenarioKind, ScenarioSource, SourceOptions, distinct_kinds,
 };
 use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, RobotSize};
@@ -33,7 +33,7 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) grid: GridSettings,
     #[serde(default)]
-    pub(super) cells: CellTable,
+    pub(super) cells: CellKeys,
     pub(super) robot: Option<RobotSize>,
     pub(super) source: SourceOptions,
     pub(super) arena: Option<ArenaConfig>,

@@ -14,14 +14,14 @@ use svl_core::{Error, Result};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected milliseconds, or a table of them by algorithm; of [cells] also \"measured\""
+    expecting = "expected milliseconds, or a table of them by algorithm, or in [cells] \"measured\""
 )]
 pub enum Latency {
     /// One latency of all algorithms.
     All(f64),
     /// By an algorithm's label or name; the others have none.
     Each(BTreeMap<String, f64>),
-    /// Of `[cells]` alone.
+    /// The latencies that were measured; of `[cells]` alone.
     Measured(MeasuredLatency),
 }
 
@@ -106,7 +106,7 @@ impl FromStr for Latency {
 
 /// `[cells]` of a scenario.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CellTable {
+pub struct CellKeys {
     #[serde(flatten)]
     pub rule: CellRule,
     #[serde(default, skip_serializing_if = "Option::is_none")]

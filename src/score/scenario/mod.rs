@@ -18,7 +18,7 @@ mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
-pub use latency::{CellTable, Latency, MeasuredLatency};
+pub use latency::{CellKeys, Latency, MeasuredLatency};
 pub use limit::{EXACT, Limit, PRIOR, WITNESS, is_of_witness, witness};
 pub use pairs::{CropScale, PairRange};
 pub use ranges::{DistanceRange, RangeEnds};

@@ -163,9 +163,9 @@ pub(crate) struct Args {
     ranges: Option<RangeEnds>,
     /// Score cells also when their answer arrives: measured, or milliseconds as 80ms
     ///
-    /// By the truth at that time. measured: depth of a topic by its latency on the robot, matchers by
-    /// their median time on this machine. Only speed times latency counts: double it to see twice
-    /// the speed [default: the scenario's, else none].
+    /// By the truth at that time. measured: depth of a topic by its latency on the robot, matchers
+    /// by their median time on this machine. Only speed times latency counts: double it to see
+    /// twice the speed [default: the scenario's, else none].
     #[arg(
         long,
         value_name = "measured|MS",
@@ -175,8 +175,8 @@ pub(crate) struct Args {
     latency: Option<Latency>,
     /// Width and height of the robot's body in metres, as 0.50x0.40: what it drove through was free
     ///
-    /// Needs poses. Tells *phantoms*, reports nearer than that, with a truth or without [default: the
-    /// scenario's, else none].
+    /// Needs poses. Tells phantoms, reports nearer than that, with a truth or without [default:
+    /// the scenario's, else none].
     #[arg(
         long,
         value_name = "WxH",
