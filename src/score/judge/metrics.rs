@@ -665,10 +665,10 @@ pub const METRICS: &[Metric] = &[
         .over(WAY_M)
         .note_on(
             "phantoms",
-            "cells reported nearer, by more than the tolerance, than what the body of --robot drove \
-             through later (phantoms), of the reports in cells with such a bound; and metres at \
-             whose pairs there are some, of those at whose pairs there are bounds (phantom way): \
-             docs/no-truth.md",
+            "cells reported nearer, by more than the tolerance, than what the body of --robot \
+             drove through later (phantoms), of the reports in cells with such a bound; and metres \
+             at whose pairs there are some, of those at whose pairs there are bounds (phantom \
+             way): docs/no-truth.md",
         )
         .headline(SCORED),
     way("phantoms", "phantoms", "phantoms")
@@ -689,11 +689,12 @@ pub const METRICS: &[Metric] = &[
         Neither,
         Fact(|_| None),
     ),
-    way("phantoms_of_body", "phantoms in cells of the own body", "own body").sum(
+    way(
         "phantoms_of_body",
-        Neither,
-        Fact(|_| None),
-    ),
+        "phantoms in cells of the own body",
+        "own body",
+    )
+    .sum("phantoms_of_body", Neither, Fact(|_| None)),
     estimated(
         "estimated_right",
         EstimatedNumber::Right,
