@@ -7,18 +7,18 @@ use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellRule, CellState, DepthGrid, GridShape};
 use svl_score::judge::{Checkpoint, Verdict, judge_cells};
 use svl_score::manifest::Manifest;
-use svl_score::scenario::CellTable;
+use svl_score::scenario::CellKeys;
 
 /// The rules of the scenario by which its frames were scored.
 pub(crate) struct ScoreRule {
-    shape: GridShape,
+    pub(crate) shape: GridShape,
     pub(crate) cells: CellRule,
     pub(crate) checkpoints: Vec<Checkpoint>,
 }
 
 /// The rule of a report's cells.
 pub(crate) fn cell_rule(manifest: &Manifest) -> Result<CellRule> {
-    let table: Option<CellTable> = manifest.part("cells")?;
+    let table: Option<CellKeys> = manifest.part("cells")?;
     Ok(table.unwrap_or_default().rule)
 }
 

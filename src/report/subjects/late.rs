@@ -1,7 +1,7 @@
 //! Cells of answers that arrive late, scored by the truth of their cell when they do.
 //!
-//! Two pairs with a truth are around an arrival: the answer is scored by each, and both scores count
-//! by how near in time they are. A truth between two is never made up.
+//! Two pairs with a truth are around an arrival: the answer is scored by each, and both scores
+//! count by how near in time they are. A truth between two is never made up.
 
 use crate::rows::held::Row;
 use crate::rows::records::CellRow;
@@ -111,7 +111,7 @@ impl PairTruth {
                 median: Some(median),
                 near: None,
             };
-            // As points are scored.
+            // Points have a tolerance of their own.
             let is_sparse = cell.true_points.is_some();
             let own = if is_sparse {
                 rule.proportional_at(px)

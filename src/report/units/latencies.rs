@@ -8,7 +8,7 @@ use crate::results::summary::Results;
 use std::collections::BTreeMap;
 use svl_core::{Result, listed, matcher};
 use svl_score::manifest::AlgorithmRecord;
-use svl_score::scenario::{CellTable, Latency};
+use svl_score::scenario::{CellKeys, Latency};
 
 /// Longest latency of a topic, milliseconds: a later one is of another clock.
 const MAX_TOPIC_MS: f64 = 10_000.0;
@@ -26,13 +26,13 @@ impl Latencies {
     /// `results`: those of the report, where times are asked for.
     ///
     /// # Errors
-    /// Those of the results.
+    /// The errors of the results.
     pub fn new(
         plan: &ReportPlan,
         sessions: &[StoredSession],
         results: impl FnOnce() -> Result<Results>,
     ) -> Result<Self> {
-        let table: Option<CellTable> = plan.manifest.part("cells")?;
+        let table: Option<CellKeys> = plan.manifest.part("cells")?;
         let asked = table.and_then(|table| table.latency_ms);
         let mut sessions = sessions.iter();
         let are_times = sessions.all(|session| session.manifest.shard.is_none());

@@ -2,7 +2,7 @@
 
 use super::file::File;
 use super::source::calib_with_paths;
-use super::{CellTable, Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
+use super::{CellKeys, Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
 use std::path::{Path, PathBuf};
 use svl_core::matcher::{Algorithm, with_paths};
 use svl_core::{Error, Result};
@@ -87,11 +87,12 @@ impl Scenario {
             columns: self.columns.clone(),
             ranges: self.ranges.clone(),
             grid: self.grid,
-            cells: CellTable {
+            cells: CellKeys {
                 rule: self.cells,
                 latency_ms: self.latency.clone(),
             },
             piece: self.piece.clone(),
+            robot: self.robot,
             source: self.source_options(replaced)?,
             arena: arena.map(|config| ArenaConfig {
                 pieces_m: Vec::new(),

@@ -102,7 +102,7 @@ fn a_latency_that_cannot_be_is_refused_and_one_without_cells_is_told() {
         ),
         (
             "latency_ms = \"fast\"",
-            "expected milliseconds, a table of them by algorithm, or",
+            "expected milliseconds, or a table of them by algorithm, or",
         ),
         (
             "latency_ms = { smg = 5 }",
