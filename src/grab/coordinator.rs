@@ -291,7 +291,7 @@ impl Coordinator {
         match pushed {
             Pushed::Taken => {}
             Pushed::Late => tally.waited += 1,
-            Pushed::Dropped => tally.dropped += 1,
+            Pushed::Dropped | Pushed::Replaced => tally.dropped += 1,
             Pushed::Abandoned => tally.unread += 1,
         }
         Ok(())

@@ -12,6 +12,8 @@ pub enum WhenFull {
     Wait,
     /// Drop the new pair.
     Drop,
+    /// Drop the oldest pair that waits: the reader needs the newest.
+    Replace,
 }
 
 /// Result of [`Queue::push`].
@@ -22,6 +24,8 @@ pub enum Pushed {
     Late,
     /// The queue was full.
     Dropped,
+    /// Accepted in the place of one that waited.
+    Replaced,
     /// The reader has stopped.
     Abandoned,
 }
@@ -67,11 +71,17 @@ impl<T> Queue<T> {
         let mut state = self.state.lock();
         let mut pushed = Pushed::Taken;
         while state.items.len() >= self.length && !state.abandoned {
-            if self.when_full == WhenFull::Drop {
-                return Pushed::Dropped;
+            match self.when_full {
+                WhenFull::Drop => return Pushed::Dropped,
+                WhenFull::Replace => {
+                    state.items.pop_front();
+                    pushed = Pushed::Replaced;
+                }
+                WhenFull::Wait => {
+                    pushed = Pushed::Late;
+                    self.changed.wait(&mut state);
+                }
             }
-            pushed = Pushed::Late;
-            self.changed.wait(&mut state);
         }
         if state.abandoned {
             return Pushed::Abandoned;

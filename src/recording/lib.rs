@@ -81,7 +81,7 @@ pub use read::summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
 pub use read::topic_pairs::{LiveTopic, TopicPairs};
 pub use results::cells::{AlgorithmCells, CellReport};
 pub use results::result::{AlgorithmResult, PairResult, StoredResults};
-pub use results::ros_messages::{diagnostics, result_messages};
+pub use results::ros_messages::{DIAGNOSTICS, RESULT_TOPICS, diagnostics, result_messages};
 pub use results::scan::static_transforms;
 pub use sensor::kind::{SensorRole, SensorSelection};
 pub use sensor::measurements::TopicLatency;

@@ -27,7 +27,7 @@ use svl_core::{Error, Result, counted, joined};
 use svl_files::outputs::{
     FolderRule, Outputs, remove_file, remove_special_files, write, write_json,
 };
-use svl_score::judge::{AreaChoice, ColumnChoice, Metric};
+use svl_score::judge::{AreaChoice, ColumnChoice, Metric, RobotSize};
 use svl_score::losses::{EndState, Ending, FailedPairs, LossLimit};
 use svl_score::manifest::{AlgorithmRecord, Manifest};
 use svl_score::notice::Notice;
@@ -93,7 +93,9 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     outputs.begin()?;
     let new = outputs.place(folder);
     let made_of = made_of(&plan, &runs);
-    let is_known = known.units == made_of && known.changed(folder, true).is_none();
+    // The tables lack what is doubtful of a way.
+    let has_robot = plan.manifest.part::<RobotSize>("robot")?.is_some();
+    let is_known = !has_robot && known.units == made_of && known.changed(folder, true).is_none();
     let latencies = Latencies::new(&plan, &sessions, || {
         let tables = collect_tables(&plan, &runs, None, |_| Ok(()))?;
         Ok(Results::from_rows(&tables.rows, &[], None))
@@ -216,6 +218,7 @@ impl Report<'_> {
             .into_iter()
             .chain(untold)
             .chain(self.untold_latency(&summary))
+            .chain(tables.warnings.iter().cloned())
         {
             tracing::warn!("{warning}");
             summary.warnings.push(warning);

@@ -1,10 +1,15 @@
 """The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, on the loopback interface.
 
-    ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched] [until=FILE]
-    ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS
+    ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched] [until=FILE] [lose=N] [lose_pairs=N]
+    ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS [reliable] [ready=FILE] [until=FILE] [ages]
 
-`latched`: the calibrations are sent once, for late subscribers too. `until`: ends before PAIRS once that file is there.
-`publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line per message that svl publishes.
+`latched`: the calibrations are sent once, for late subscribers too. `until`: ends once that file is there. `lose`:
+of every N-th pair the left image has a number and is not sent; `lose_pairs`: both images. `ready`: a file to make after
+subscribing. SVL_MULTICAST: the interface to use with multicast, in place of 127.0.0.1 without.
+
+`publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line
+per message that svl publishes; with `ages` one of all: their number, the first stamp, and milliseconds from stamp to
+arrival.
 """
 
 import json
@@ -14,10 +19,14 @@ import time
 import zlib
 from dataclasses import dataclass
 
-os.environ["CYCLONEDDS_URI"] = """<CycloneDDS><Domain id="any"><General><Interfaces>
+LOOPBACK = """<CycloneDDS><Domain id="any"><General><Interfaces>
 <NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex>
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+MULTICAST = """<CycloneDDS><Domain id="any"><General><Interfaces><NetworkInterface name="{}" multicast="true"/></Interfaces>
+</General></Domain></CycloneDDS>"""
+interface = os.environ.get("SVL_MULTICAST")
+os.environ["CYCLONEDDS_URI"] = MULTICAST.format(interface) if interface else LOOPBACK
 
 import numpy
 from cyclonedds.core import Policy, Qos
@@ -174,13 +183,19 @@ RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.
 FOCAL, BASELINE, DISPARITY = 400.0, 0.1, 16
 
 
+def option(options, name):
+    found = [value.removeprefix(f"{name}=") for value in options if value.startswith(f"{name}=")]
+    return found[0] if found else ""
+
+
 def publish(domain, pairs, hz, width, height, *options):
     topics = ["/cam/left/", "/cam/right/"]
     name = "image_raw" if "raw" in options else "image_rect"
     width, height, hz = int(width), int(height), float(hz)
     Image = image_of(width * height)
     latched = "latched" in options
-    until = [option.removeprefix("until=") for option in options if option.startswith("until=")]
+    until, lose, lose_pairs = (option(options, name) for name in ["until", "lose", "lose_pairs"])
+    is_lost = lambda i, every: every and i % int(every) == int(every) - 1
     participant = DomainParticipant(int(domain))
     writer = lambda topic, kind, qos: DataWriter(participant, Topic(participant, f"rt{topic}", kind), qos=qos)
     images = [writer(f"{topic}{name}", Image, BEST_EFFORT) for topic in topics]
@@ -189,7 +204,7 @@ def publish(domain, pairs, hz, width, height, *options):
     texture = numpy.random.default_rng(1).integers(0, 256, (height, width + 256), dtype=numpy.uint8)
     begin, lines = time.time(), []
     for i in range(int(pairs)):
-        if any(map(os.path.exists, until)):
+        if os.path.exists(until):
             break
         time.sleep(max(0, begin + i / hz - time.time()))
         now = time.time_ns()
@@ -206,7 +221,9 @@ def publish(domain, pairs, hz, width, height, *options):
                               RegionOfInterest(0, 0, 0, 0, False))
             if i == 0 or not latched:
                 infos[side].write(info)
-            images[side].write(Image(header, height, width, "mono8", 0, width, len(pixels), pixels))
+            image = Image(header, height, width, "mono8", 0, width, len(pixels), pixels)
+            lost = is_lost(i, lose_pairs) or side == 0 and is_lost(i, lose)
+            images[side].dispose(image) if lost else images[side].write(image)
             sent.append(zlib.crc32(pixels))
         lines.append({"stamp_ns": now, "crc": sent})
     for line in lines:
@@ -242,19 +259,33 @@ def described(message):
                      "values": {pair.key: pair.value for pair in status.values}}
 
 
-def read(domain, name, messages, seconds):
+def read(domain, name, messages, seconds, *options):
     kinds = {"points": PointCloud2, "scan": LaserScan, "disparity": DisparityImage, "depth": Image,
              "diagnostics": DiagnosticArray}
     participant = DomainParticipant(int(domain))
     topic = Topic(participant, f"rt{name}", kinds[name.rsplit("/")[-1]])
     # Readers of the status ask for reliability, as ROS's aggregator of diagnostics does.
-    qos = RELIABLE if name == "/diagnostics" else BEST_EFFORT
+    qos = RELIABLE if name == "/diagnostics" or "reliable" in options else BEST_EFFORT
     reader, end, left = DataReader(participant, topic, qos=qos), time.time() + float(seconds), int(messages)
-    while left and time.time() < end:
-        for message in reader.take(N=left):
-            print(json.dumps(described(message)), flush=True)
+    ready, until = (option(options, name) for name in ["ready", "until"])
+    if ready:
+        open(ready, "w").close()
+    ages, first, ended = [], None, False
+    while left and not ended:
+        # What came before the end is taken.
+        ended = time.time() >= end or os.path.exists(until)
+        # The end of a publisher is a sample without a message.
+        for message in (sample for sample in reader.take(N=left) if hasattr(sample, "header")):
             left -= 1
-        time.sleep(0.01)
+            if "ages" not in options:
+                print(json.dumps(described(message)), flush=True)
+                continue
+            stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            ages.append((time.time_ns() - stamp_ns) / 1e6)
+            first = stamp_ns if first is None else first
+        time.sleep(0.002 if "ages" in options else 0.01)
+    if "ages" in options:
+        print(json.dumps({"messages": len(ages), "first_ns": first, "ages_ms": [round(age, 1) for age in ages]}))
 
 
 {"publish": publish, "read": read}[sys.argv[1]](*sys.argv[2:])

@@ -18,6 +18,7 @@ use crate::sink::{PassEnd, PassStart, Sink};
 use crate::source::Source;
 use matching::Matching;
 use std::collections::BTreeMap;
+use std::time::Duration;
 use svl_core::{Error, Result, counted};
 use svl_score::losses::Losses;
 use svl_score::losses::{FailedPairs, Missing};
@@ -73,6 +74,8 @@ impl Pace {
 pub struct Outcome {
     /// Frames that every sink took.
     pub frames: u64,
+    /// Sum of the steps between their stamps; a clock that jumps back adds nothing.
+    pub duration: Duration,
     /// Per algorithm the frames on which it failed, so that its estimate is missing.
     pub failures: BTreeMap<String, u64>,
     /// True if the monitor ended it.
@@ -122,7 +125,8 @@ impl Outcome {
 ///
 /// Frames are read ahead and taken by the sinks, where the algorithms leave a core free, in threads
 /// of their own, in the same order; else all happens in turn, so that other threads do not disturb
-/// the times that are measured. With a source that listens all happens in turn too. The threads for
+/// the times that are measured. With a source that listens or keeps the newest frame all happens in
+/// turn too. The threads for
 /// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
 /// waits for the caller's pool, whose only thread may be waiting for them. A measured pass
 /// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch.
@@ -144,7 +148,7 @@ pub fn run(
     let mut matching = Matching::new(matchers, start, pace, monitor);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let has_free_core = cores > rayon::current_num_threads();
-    let reads_ahead = has_free_core && !source.listens();
+    let reads_ahead = has_free_core && !source.listens() && !source.keeps_newest();
     let mut taken = TakenFrames::default();
     let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_pass(start));
     let ran = begun.and_then(|()| {
@@ -165,6 +169,7 @@ pub fn run(
     };
     let outcome = Outcome {
         frames: taken.frames,
+        duration: taken.duration,
         failures: matching.failures,
         interrupted: matching.interrupted,
         losses: source.finish(taken.frames),

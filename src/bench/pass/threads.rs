@@ -232,6 +232,8 @@ pub(crate) fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 #[derive(Default)]
 pub(super) struct TakenFrames {
     pub(super) frames: u64,
+    pub(super) duration: Duration,
+    last_ns: Option<u64>,
     pub(super) scales: TruthScales,
 }
 
@@ -241,6 +243,9 @@ impl TakenFrames {
         self.scales.observe(judged);
         sinks.iter_mut().try_for_each(|sink| sink.take(judged))?;
         self.frames += 1;
+        let stamp_ns = judged.frame.stamp_ns;
+        let last_ns = self.last_ns.replace(stamp_ns).unwrap_or(stamp_ns);
+        self.duration += Duration::from_nanos(stamp_ns.saturating_sub(last_ns));
         Ok(())
     }
 }

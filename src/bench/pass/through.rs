@@ -82,6 +82,8 @@ pub fn report_losses(name: &str, losses: &Losses) {
         }
     };
     warn(losses.unreadable, "pair", "cannot be read");
+    warn(losses.dropped, "pair", "the queue was full");
+    warn(losses.lost_images, "image", "lost on the network");
     for (topic, n) in &losses.broken {
         let messages = counted(*n, "message");
         tracing::warn!("{name}: {messages} of {topic} left out: cannot be read");

@@ -172,17 +172,18 @@ pub struct PublishRequest<'a> {
     /// The topics' prefix as `ros2:/PREFIX`.
     pub address: &'a str,
     pub options: ResultOptions,
+    /// Losses so far of live topics; none of a recording, whose first pair waits for subscribers.
+    pub losses: Option<Arc<Mutex<Losses>>>,
 }
 
 impl PublishRequest<'_> {
     #[cfg(feature = "ros2")]
-    fn sink(&self) -> Result<Box<dyn Sink>> {
-        let sink = publish::PublishSink::new(self.address, self.options.clone())?;
-        Ok(Box::new(sink))
+    fn sink(self) -> Result<Box<dyn Sink>> {
+        Ok(Box::new(publish::PublishSink::new(self)?))
     }
 
     #[cfg(not(feature = "ros2"))]
-    fn sink(&self) -> Result<Box<dyn Sink>> {
+    fn sink(self) -> Result<Box<dyn Sink>> {
         Err(crate::source::without_ros2(self.address))
     }
 }
@@ -229,7 +230,7 @@ impl Sinks {
                 sink
             });
         }
-        if let Some(publish) = &request.publish {
+        if let Some(publish) = request.publish {
             sinks.push(publish.sink()?);
         }
         if let Some(writer) = request.recording {

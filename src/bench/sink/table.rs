@@ -228,6 +228,7 @@ impl RowIdentity {
                 near_px: cell.surface.map(|surface| surface.px.into()),
                 piece_m: judged.piece.as_ref().and_then(|piece| piece.shown_m(i)),
                 surface_probability: cell.surface.map(|surface| surface.probability),
+                free_m: None,
             }
         };
         estimate.grid.iter().enumerate().map(row).collect()

@@ -14,7 +14,7 @@ use svl_report::units::{
     Units,
 };
 use svl_report::{FloorRays, FrameRow, TruthRow};
-use svl_score::judge::{CellArea, Checkpoint, Judged, TestPiece, TrueCells};
+use svl_score::judge::{BodyPose, CellArea, Checkpoint, Judged, TestPiece, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
 use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
@@ -130,7 +130,9 @@ impl UnitSink {
     /// The facts of the pair of a frame.
     fn pair(&self, judged: &Judged) -> PairFacts {
         let frame = &judged.frame;
-        let Frame { name, pose, .. } = frame;
+        let Frame {
+            name, pose, base, ..
+        } = frame;
         let input = hash_words(judged.input_hash());
         // Programs may get the colours that the pair is the luma of.
         let colors = frame.color.as_ref();
@@ -141,7 +143,7 @@ impl UnitSink {
                 .concat()
         };
         let colors = colors.map(|own| own.each_ref().map(|own| hash_bytes(&bytes(own))));
-        let key = (frame.sequence, name, pose, self.start_ns, colors);
+        let key = (frame.sequence, name, (pose, base), self.start_ns, colors);
         let maps = frame.maps.iter().map(|map| {
             let pixels = map.disparity.pixels();
             let bytes: Vec<u8> = pixels.flat_map(f32::to_le_bytes).collect();
@@ -151,6 +153,7 @@ impl UnitSink {
             sequence: frame.sequence,
             hash: hash(&format!("{input} {key:?}")),
             infinity_px: frame.rig().map(Rig::infinity_px),
+            body: BodyPose::new(frame),
             floor: frame
                 .floor
                 .zip(frame.rig())

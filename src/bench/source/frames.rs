@@ -166,6 +166,11 @@ pub trait Source: Send {
         wrapped.map_or_else(Losses::default, |source| source.finish(taken))
     }
 
+    /// True if a newer frame takes the place of one that waits: none may wait behind it.
+    fn keeps_newest(&self) -> bool {
+        self.wrapped().is_some_and(Source::keeps_newest)
+    }
+
     /// True if the next frame depends on the results of the last one.
     fn listens(&self) -> bool {
         self.wrapped().is_some_and(Source::listens)

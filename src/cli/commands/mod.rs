@@ -28,7 +28,7 @@ use clap::Subcommand;
 pub(super) enum Command {
     Record(record::Args),
     Replay(replay::Args),
-    Score(score::Args),
+    Score(Box<score::Args>),
     Report(report::Args),
     Compare(compare::Args),
     Reproduce(reproduce::Args),

@@ -27,6 +27,8 @@ pub struct Frame {
     /// so; of one that was rectified since, what it was rectified by.
     pub calibration: Option<Arc<StereoCalibration>>,
     pub pose: Option<Pose>,
+    /// Pose of the robot's base (x ahead, z up) in the same world, if transforms tell it.
+    pub base: Option<Pose>,
     pub truth: Option<Truth>,
     /// The floor below the camera, if something tells it.
     pub floor: Option<FloorPlane>,
@@ -51,6 +53,7 @@ impl Frame {
             geometry,
             calibration: None,
             pose: None,
+            base: None,
             truth: None,
             floor: None,
             maps: Vec::new(),

@@ -7,7 +7,7 @@ mod outbox;
 
 pub use address::Address;
 pub use inbox::TopicInbox;
-pub use outbox::TopicOutbox;
+pub use outbox::{FoundReader, TopicOutbox};
 
 use rustdds::policy::{Durability, History, Reliability, ResourceLimits};
 use rustdds::{
@@ -22,6 +22,9 @@ use svl_recording::LiveTopic;
 const RECEIVE_BYTES: usize = 8 << 20;
 /// Messages of a topic that DDS keeps until they are taken.
 const DEPTH: i32 = 16;
+/// Messages of a reliable topic that a subscriber may leave unconfirmed: DDS forgets one that is
+/// silent before there are that many.
+const MAX_UNCONFIRMED: i32 = 1024;
 
 /// A domain of DDS that svl takes part in.
 pub struct Domain {
@@ -116,6 +119,7 @@ fn ros_topic(name: &str, type_name: &str) -> Option<LiveTopic> {
 }
 
 fn qos(reliable: bool, latched: bool) -> QosPolicies {
+    let samples = if reliable { MAX_UNCONFIRMED } else { DEPTH };
     QosPolicyBuilder::new()
         .reliability(if reliable {
             Reliability::Reliable {
@@ -132,9 +136,9 @@ fn qos(reliable: bool, latched: bool) -> QosPolicies {
         })
         .history(History::KeepLast { depth: DEPTH })
         .resource_limits(ResourceLimits {
-            max_samples: DEPTH,
+            max_samples: samples,
             max_instances: 1,
-            max_samples_per_instance: DEPTH,
+            max_samples_per_instance: samples,
         })
         .build()
 }

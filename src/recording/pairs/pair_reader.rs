@@ -86,14 +86,14 @@ pub(crate) struct PairReader {
 
 impl PairReader {
     /// The pose of the left camera at that time: of images that were rectified before they were
-    /// recorded, with the rotation of their rectification.
-    fn pose(&mut self, stamp_ns: u64) -> Option<Pose> {
+    /// recorded, with the rotation of their rectification; and that of the base, if it is known.
+    fn pose(&mut self, stamp_ns: u64) -> Option<(Pose, Option<Pose>)> {
         let poses = self.poses.as_mut()?;
-        let pose = poses.at(self.frames[0].as_ref()?, stamp_ns)?;
+        let (pose, base) = poses.at(self.frames[0].as_ref()?, stamp_ns)?;
         let rotation = self.cameras[0].as_ref().filter(|_| !self.are_raw());
         let rotation = rotation.and_then(|camera| camera.rotation().ok());
         let rotation = rotation.map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
-        Some(pose * rotation.unwrap_or_default().inverse())
+        Some((pose * rotation.unwrap_or_default().inverse(), base))
     }
 
     /// Chooses the topics of a source called `name`, those of svl if `is_own`. Calibrations and bit
@@ -416,14 +416,15 @@ impl PairReader {
             self.size = pair.size();
         }
         self.calibrate_pair([left_ns, right_ns]);
-        let (geometry, pose) = (self.geometry(), self.pose(left_ns));
+        let (geometry, poses) = (self.geometry(), self.pose(left_ns));
         let is_raw = geometry == Geometry::Raw;
         let calibration = is_raw.then(|| self.stereo_calibration().ok()).flatten();
         let frame = pair.map(|(pair, color)| Frame {
             sequence,
             stamp_ns: left_ns,
             calibration: calibration.map(Arc::new),
-            pose,
+            pose: poses.map(|(pose, _)| pose),
+            base: poses.and_then(|(_, base)| base),
             color,
             exposure,
             ..Frame::new(pair, geometry)

@@ -136,8 +136,13 @@ impl PoseReader {
 
     /// The pose of `frame` in the topmost frame above it, if a moving one is on the way; `None` if
     /// no two poses around the stamp are near enough. All are in the frame of the first: one above
-    /// it that comes later would move the places.
-    pub(crate) fn at(&mut self, frame: &str, stamp_ns: u64) -> Option<Isometry3<f64>> {
+    /// it that comes later would move the places. With the pose of the robot's base in it, if that
+    /// is on the way.
+    pub(crate) fn at(
+        &mut self,
+        frame: &str,
+        stamp_ns: u64,
+    ) -> Option<(Isometry3<f64>, Option<Isometry3<f64>>)> {
         self.read_until(frame, PoseUse::Place, stamp_ns.saturating_add(AHEAD_NS));
         let mut links = self.chain(frame, PoseUse::Place);
         let top = links.last()?.parent().to_owned();
@@ -150,9 +155,11 @@ impl PoseReader {
                 self.recording.path().display()
             ));
         }
+        let base = links.iter().rposition(|link| is_robot(link.parent()));
+        let base = base.and_then(|i| pose(&links[i + 1..], stamp_ns));
         let pose = pose(&links, stamp_ns)?;
         self.world.get_or_insert(top);
-        Some(pose)
+        Some((pose, base))
     }
 
     /// The pose of `frame` at the first stamp, in `frame` at the second one.

@@ -50,7 +50,8 @@ pub struct RecordingSummary {
     pub losses: Vec<DamagedPart>,
     /// Messages counted in the file's own summary but not found, by topic.
     pub missing: BTreeMap<String, u64>,
-    /// Missing numbers in the sequence of pairs: lost to damage, or dropped by the recorder.
+    /// Missing numbers in the sequence of pairs, lost to damage or dropped by the recorder, and
+    /// pairs that the network lost.
     pub missing_pairs: u64,
     /// Image topics that `svl replay` would use for left and right, in another program's recording.
     pub stereo: Option<[String; 2]>,
@@ -485,7 +486,11 @@ impl SummaryScan {
         let is_nominal = matches!(stamps, Some(Some(StampOrigin::Nominal(_))));
         let period_ns = median_ns(&steps).filter(|_| !is_nominal);
         let gaps = period_ns.map_or_else(Vec::new, |period_ns| gaps(&steps, period_ns));
-        let missing_pairs = self.missing_pairs();
+        // Each lost image took a pair with it, of which it was one or both.
+        let grabber = |name: &str| self.found.grabber.get(name)?.parse().ok();
+        let [images, pairs]: [u64; 2] =
+            ["lost_images", "lost_pairs"].map(|name| grabber(name).unwrap_or(0));
+        let missing_pairs = self.missing_pairs() + images.saturating_sub(pairs);
         let (start_ns, end_ns) = self.span_ns();
         let misalignment = self.row_offsets.into_iter().filter_map(misalignment);
         let videos = self.videos.into_iter();

@@ -213,6 +213,11 @@ impl TopicPairs {
         self.pairs.counts
     }
 
+    /// Images without a partner so far.
+    pub fn unpaired(&self) -> u64 {
+        self.pairs.partners.pairing.unpaired_ns.len() as u64
+    }
+
     /// Jumps of the cameras' clocks back in time.
     pub fn jumps(&self) -> u64 {
         self.pairs.jumps.unwrap_or(0)

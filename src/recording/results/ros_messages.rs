@@ -18,8 +18,17 @@ const FLOAT32: u8 = 7;
 /// The value of pixels without a disparity: below the smallest disparity, as in image_pipeline.
 const NO_DISPARITY: f32 = -1.0;
 
-/// The messages of a result: cloud, scan, disparities and depths. Without a rig there are no
-/// distances, and so no messages.
+/// Topic and type of each message of a result, and of the status.
+pub const RESULT_TOPICS: [(&str, &str); 4] = [
+    ("points", "sensor_msgs/msg/PointCloud2"),
+    ("scan", "sensor_msgs/msg/LaserScan"),
+    ("disparity", "stereo_msgs/msg/DisparityImage"),
+    ("depth", "sensor_msgs/msg/Image"),
+];
+pub const DIAGNOSTICS: (&str, &str) = ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray");
+
+/// The messages of a result on the topics that are wanted: cloud, scan, disparities and depths.
+/// Without a rig there are no distances, and so no messages.
 ///
 /// # Errors
 /// [`svl_core::Error::Invalid`] for stamps outside 1970 ..= 2038.
@@ -27,26 +36,33 @@ pub fn result_messages(
     frame: &Frame,
     result: &PairResult,
     options: &ResultOptions,
+    is_wanted: impl Fn(&str) -> bool,
 ) -> Result<Vec<ResultMessage>> {
     let stamp = RosStamp::new(frame.stamp_ns)?;
     let Some(rig) = frame.rig() else {
         return Ok(Vec::new());
     };
     let (map, frame_id) = (&result.disparity, &options.frame_id);
-    let (points, fourth) = if options.dense {
-        (pixel_points(map, frame.pair.left(), rig), "intensity")
-    } else {
-        let points = cell_points(&result.cells, rig, frame.pair.size());
-        (points, "probability")
+    let size = frame.pair.size();
+    let points = || {
+        let (points, fourth) = if options.dense {
+            (pixel_points(map, frame.pair.left(), rig), "intensity")
+        } else {
+            (cell_points(&result.cells, rig, size), "probability")
+        };
+        cloud(&points, fourth, stamp, frame_id)
     };
-    let messages = [
-        ("points", cloud(&points, fourth, stamp, frame_id)),
-        ("scan", scan(result, rig, frame.pair.size(), stamp, options)),
-        ("disparity", disparity_image(result, rig, stamp, frame_id)),
-        ("depth", encode_32fc1(&depths(map, rig), stamp, frame_id)),
+    let messages: [&dyn Fn() -> Encoded; 4] = [
+        &points,
+        &|| scan(result, rig, size, stamp, options),
+        &|| disparity_image(result, rig, stamp, frame_id),
+        &|| encode_32fc1(&depths(map, rig), stamp, frame_id),
     ];
+    let messages = RESULT_TOPICS.into_iter().zip(messages);
+    let wanted = messages.filter(|((topic, _), _)| is_wanted(topic));
+    let made = wanted.map(|((topic, _), encode)| (topic, encode()));
     let message = |(topic, message)| ResultMessage { topic, message };
-    Ok(messages.map(message).into())
+    Ok(made.map(message).collect())
 }
 
 /// A point per cell with a distance, at the centre of the cell, in the optical frame; and the
@@ -168,8 +184,8 @@ pub fn diagnostics(
     };
     // Live only, so that its definition has no reader.
     Ok(ResultMessage {
-        topic: "/diagnostics",
-        message: encode("diagnostic_msgs/msg/DiagnosticArray", "", 512, body),
+        topic: DIAGNOSTICS.0,
+        message: encode(DIAGNOSTICS.1, "", 512, body),
     })
 }
 
@@ -228,6 +244,23 @@ pub(crate) mod tests {
                 range_px: Some(64.0),
             },
         }
+    }
+
+    #[test]
+    fn each_topic_has_its_type_and_only_what_is_wanted_is_made() {
+        let image = svl_core::stereo::Gray::filled(64, 32, 7).unwrap();
+        let pair = svl_core::stereo::StereoPair::new(image.clone(), image).unwrap();
+        let geometry = svl_core::stereo::Geometry::Rectified(Some(rig()));
+        let frame = Frame::new(pair, geometry);
+        let result = result(&[&[2.0]], Plane::filled(64, 32, 5.0).unwrap());
+        let options = ResultOptions::new("left");
+        let made = |is_wanted: fn(&str) -> bool| -> Vec<_> {
+            let messages = result_messages(&frame, &result, &options, is_wanted).unwrap();
+            let found = messages.iter();
+            found.map(|own| (own.topic, own.schema())).collect()
+        };
+        assert_eq!(made(|_| true), RESULT_TOPICS);
+        assert_eq!(made(|topic| topic == "scan"), RESULT_TOPICS[1..2]);
     }
 
     #[test]

@@ -207,7 +207,8 @@ impl Writer {
         if dialect == Dialect::Ros2 && frame.rig().is_some() {
             self.write_static_transforms(stamp, sequence)?;
             let left = frame_id(Side::Left);
-            for said in ros_messages::result_messages(frame, result, &ResultOptions::new(left))? {
+            let options = ResultOptions::new(left);
+            for said in ros_messages::result_messages(frame, result, &options, |_| true)? {
                 self.put((topic(said.topic), said.message), stamp, sequence)?;
             }
         } else {

@@ -243,7 +243,7 @@ impl Results {
         for piece in rows.last()? {
             table
                 .columns
-                .push(TableColumn::new("always seen from, m", &piece.size()));
+                .push(TableColumn::new("always seen from, m", piece.size()));
         }
         for head in ["false cells", "by chance %", "stops per 100 m"] {
             table.columns.push(TableColumn::new("cost", head));

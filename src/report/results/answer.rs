@@ -264,7 +264,8 @@ impl Results {
         let order = order.map(|words| format!("The algorithms are {words}."));
         let parts = marks.into_iter().chain(self.own_pairs_words());
         let parts = parts.chain(order).chain(self.estimate_words());
-        parts.chain(self.piece_words()).collect()
+        let parts = parts.chain(self.piece_words());
+        parts.chain(self.phantom_words()).collect()
     }
 
     /// The reaches of the narrowest test piece of the first algorithms that have one.
@@ -292,6 +293,43 @@ impl Results {
         let more = rows.len().saturating_sub(MAX_ESTIMATES);
         let more = (more > 0).then(|| format!("estimates.csv has {more} more."));
         words.chain(more).collect()
+    }
+
+    /// The phantoms of the algorithms that have some, and of how much.
+    fn phantom_words(&self) -> Vec<String> {
+        let words = |a: &AlgorithmSummary| {
+            let all = |name| a.totals.measured(Metric::find(name)?, AreaChoice::All);
+            let (pairs, cells) = (all("phantom_pairs")?, all("phantoms")?);
+            let count = |name| all(name).map_or(0.0, |own| own.value);
+            let apart = [
+                (
+                    "phantoms_of_v5",
+                    "that v5 reports, too, so perhaps it moved away",
+                ),
+                (
+                    "phantoms_of_body",
+                    "in cells that always report the same: its own body?",
+                ),
+            ];
+            let apart = apart.map(|(name, why)| (count(name), why)).into_iter();
+            let apart = apart.filter(|(count, _)| *count > 0.0);
+            let apart: String = apart
+                .map(|(n, why)| format!("; {n} not counted {why}"))
+                .collect();
+            let with = (pairs.value * pairs.cases.items as f64).round();
+            Some(format!(
+                "{}: phantoms in {with} of {}, in {:.1} % of {:.1} m and {:.2} % of {} reports on \
+                 the way{apart}.",
+                a.algorithm,
+                counted(pairs.cases.items, "pair"),
+                100.0 * all("phantom_way").map_or(0.0, |own| own.value),
+                count("way_m"),
+                100.0 * cells.value,
+                cells.cases.cells.unwrap_or_default(),
+            ))
+        };
+        let ranked = self.ranked_algorithms().into_iter();
+        ranked.filter_map(words).take(MAX_ESTIMATES).collect()
     }
 
     /// The limits that algorithms break, and the cells that they are of.

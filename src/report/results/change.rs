@@ -280,7 +280,7 @@ impl Change {
 pub(crate) fn is_ranked(metric: &Metric) -> bool {
     let is_of_checkpoints = matches!(metric.origin, MetricOrigin::Checkpoints);
     let is_of_pieces = matches!(metric.origin, MetricOrigin::Pieces { .. });
-    let is_other = metric.estimated().is_some() || metric.is_late() || is_of_pieces;
+    let is_other = metric.estimated().is_some() || metric.is_of_motion() || is_of_pieces;
     metric.better != Better::Neither
         && metric.unit != MetricUnit::Ms
         && !is_of_checkpoints

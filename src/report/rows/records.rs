@@ -283,6 +283,8 @@ record! {
         piece_m: Option<f64>,
         /// Probability that the cell has a surface there.
         surface_probability: Option<f64>,
+        /// Distance up to which the robot's body drove through half of the cell, at least.
+        free_m: Option<f64>,
     }
 }
 

@@ -11,7 +11,7 @@ use svl_score::scenario::CellKeys;
 
 /// The rules of the scenario by which its frames were scored.
 pub(crate) struct ScoreRule {
-    shape: GridShape,
+    pub(crate) shape: GridShape,
     pub(crate) cells: CellRule,
     pub(crate) checkpoints: Vec<Checkpoint>,
 }

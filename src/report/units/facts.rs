@@ -6,6 +6,7 @@ use crate::subjects::witness::FloorRays;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::inputs::FileStamp;
+use svl_score::judge::BodyPose;
 use svl_score::losses::Losses;
 use svl_score::manifest::{InputRecord, hash};
 use svl_score::notice::Notice;
@@ -46,6 +47,9 @@ pub struct PairFacts {
     /// Disparity of infinity by its calibration, pixels; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub infinity_px: Option<f32>,
+    /// The robot, if poses tell where it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodyPose>,
     /// The floor along the rays of its cells, if something tells it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<FloorRays>,

@@ -14,6 +14,7 @@
 pub(crate) mod facts;
 pub(crate) mod io;
 pub(crate) mod latencies;
+pub(crate) mod phantoms;
 pub(crate) mod pictures;
 pub(crate) mod plan;
 pub(crate) mod run_units;

@@ -2,6 +2,7 @@
 
 use super::facts::PairFacts;
 use super::latencies::Latencies;
+use super::phantoms::RunPhantoms;
 use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::unit::{UnitReader, UnitRows};
@@ -22,13 +23,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
+use svl_score::judge::RobotSize;
 use svl_score::manifest::hash;
 use svl_score::scenario::WITNESS;
 
 /// Digest of all that the tables are made of.
 pub fn made_of(plan: &ReportPlan, runs: &[RunUnits]) -> String {
     let description = plan.manifest.description.as_ref();
-    let rule = ["grid", "cells", "checkpoint", "ranges", "gate"]
+    let rule = ["grid", "cells", "robot", "checkpoint", "ranges", "gate"]
         .map(|key| description.and_then(|value| value.get(key)));
     let mut text = format!("{} {:?} {rule:?}", plan.manifest.scenario, plan.labels());
     for run in runs {
@@ -207,6 +209,11 @@ pub fn collect_tables(
         );
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
+        let robot: Option<RobotSize> = plan.manifest.part("robot")?;
+        let robot = robot.filter(|_| has_cells && run.run.stress.is_none());
+        let phantoms = robot.map(|robot| RunPhantoms::new(plan, run, &rule, robot));
+        let phantoms = phantoms.transpose()?.unwrap_or_default();
+        tables.warnings.extend(phantoms.warning.clone());
         let mut collect =
             |mut rows: UnitRows, pair: Option<(&PairFacts, Option<UnitRows>)>| -> Result<()> {
                 if let Some((pair, seen)) = pair {
@@ -215,6 +222,7 @@ pub fn collect_tables(
                         rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
                     }
                     numbers.add(&mut rows, pair, seen);
+                    phantoms.tell(&mut rows.rows, &mut rows.cells);
                 }
                 take(TakenRows {
                     rows: &rows.rows,

@@ -128,6 +128,8 @@ mod tests {
             "right_late",
             "wrong_late",
             "unknown_late",
+            "phantom_way",
+            "phantoms",
             "passed",
             "time",
         ];
@@ -141,6 +143,8 @@ mod tests {
                 "right_late",
                 "wrong_late",
                 "unknown_late",
+                "phantom_way",
+                "phantoms",
                 "passed",
                 "time",
             ],
@@ -153,6 +157,8 @@ mod tests {
             NoTruth,
             &[
                 "known",
+                "phantom_way",
+                "phantoms",
                 "estimated_right",
                 "estimated_wrong",
                 "estimated_sure_wrong",

@@ -434,6 +434,8 @@ const LATE_CELLS: CaseKind = CaseKind::Sum(
     &["right_late", "wrong_late", "unknown_late"],
     "cell* on arrival",
 );
+const WAY_CELLS: CaseKind = CaseKind::Sum(&["way_cells"], "cell* on the way");
+const WAY_M: CaseKind = CaseKind::Sum(&["way_m"], "m on the way");
 const ERRORS: CaseKind = CaseKind::Errors("known cell* with a finite truth");
 const COMMON: CaseKind = CaseKind::Errors("cell* in common with v5");
 const CHANGES: CaseKind = CaseKind::Changes("cell* at rest");
@@ -447,6 +449,9 @@ const PERTURBED: &str = "perturbed, %";
 
 /// Group of the cells of answers when they arrive.
 const LATE: &str = "late, %";
+
+/// Group of the reports nearer than what the robot drove through.
+const WAY: &str = "way, %";
 
 /// All runs without drives.
 const SCORED: &[TruthLevel] = &[Distances, Disparities, NoTruth];
@@ -467,6 +472,10 @@ const fn late(name: &'static str, words: &'static str, head: &'static str) -> Me
     own.over(LATE_CELLS)
         .by_area()
         .headline(&[Distances, Disparities])
+}
+
+const fn way(name: &'static str, words: &'static str, head: &'static str) -> Metric {
+    metric(name, words, WAY, head).without_truth()
 }
 
 const fn pixels(name: &'static str, words: &'static str, head: &'static str) -> Metric {
@@ -656,6 +665,41 @@ pub const METRICS: &[Metric] = &[
         Neither,
         Fact(|_| None),
     ),
+    way("phantom_way", "way with phantoms", "phantom way")
+        .part("phantom_way_m", Less, Fact(|_| None))
+        .over(WAY_M)
+        .note_on(
+            "phantoms",
+            "cells reported nearer, by more than the tolerance, than what the body of --robot \
+             drove through later (phantoms), of the reports in cells with such a bound; and metres \
+             at whose pairs there are some, of those at whose pairs there are bounds (phantom \
+             way): docs/no-truth.md",
+        )
+        .headline(SCORED),
+    way("phantoms", "phantoms", "phantoms")
+        .part("phantoms", Less, Fact(|_| None))
+        .over(WAY_CELLS)
+        .headline(SCORED),
+    way("phantom_pairs", "pairs with phantoms", "pairs").mean("phantom_pairs", Less, |_| None),
+    way("way_cells", "reports in cells with a free way", "cells").sum(
+        "way_cells",
+        Neither,
+        Fact(|_| None),
+    ),
+    way("way_m", "metres at whose pairs cells have a free way", "m")
+        .sum("way_m", Neither, Fact(|_| None))
+        .unit(M, Neither),
+    way("phantoms_of_v5", "phantoms that v5 reports, too", "v5, too").sum(
+        "phantoms_of_v5",
+        Neither,
+        Fact(|_| None),
+    ),
+    way(
+        "phantoms_of_body",
+        "phantoms in cells of the own body",
+        "own body",
+    )
+    .sum("phantoms_of_body", Neither, Fact(|_| None)),
     estimated(
         "estimated_right",
         EstimatedNumber::Right,
@@ -976,13 +1020,13 @@ impl Metric {
 
     /// True if its column contains whole numbers: parts of cells are none.
     pub fn counts(&self) -> bool {
-        let share = |(_, total)| total == MetricTotal::Share && !self.is_late();
+        let share = |(_, total)| total == MetricTotal::Share && !self.is_of_motion();
         self.unit == Count || self.column().is_some_and(share)
     }
 
-    /// True if it is of answers when they arrive.
-    pub fn is_late(&self) -> bool {
-        self.group == LATE
+    /// True if it is of answers when they arrive, or of what the robot drove through.
+    pub fn is_of_motion(&self) -> bool {
+        [LATE, WAY].contains(&self.group)
     }
 
     /// The value of a frame as plotted in Rerun: fractions in per cent.

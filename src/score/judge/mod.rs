@@ -15,6 +15,7 @@ pub mod protocol;
 pub mod signs;
 mod sparse;
 mod truth;
+mod way;
 
 pub use area::{AreaChoice, CellArea};
 pub use cells::{
@@ -36,3 +37,4 @@ pub use metrics::{
 };
 pub use piece::{PieceConfig, PieceSight, PieceView, TestPiece};
 pub use truth::{CellTruth, NearTruth, TrueCells};
+pub use way::{BodyPose, DrivenWay, RobotSize, WayBounds};

@@ -339,10 +339,9 @@ impl PieceView {
             sight.is_stop |= is_false && is_ahead && reported < Some(clear_m);
         }
         if let Some(truth) = truth {
-            let exact = truth.grid().iter().zip(truth.near());
-            sight.exact_sees = exact.enumerate().any(|(i, ((_, median), near))| {
-                self.is_witness(i) && (agrees(own(median.depth)) || agrees(own(near)))
-            });
+            let mut medians = truth.grid().iter().enumerate();
+            sight.exact_sees =
+                medians.any(|(i, (_, median))| self.is_witness(i) && agrees(own(median.depth)));
         }
         sight
     }

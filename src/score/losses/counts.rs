@@ -21,9 +21,18 @@ pub struct Losses {
     /// Unreadable messages other than images, by topic: their pairs are used without them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub broken: BTreeMap<String, u64>,
-    /// Pairs that a full queue dropped, of a recording: others take what they can.
+    /// Pairs that a full queue dropped.
     #[serde(default)]
     pub dropped: u64,
+    /// Pairs in whose place a newer one was matched: not a loss.
+    #[serde(default)]
+    pub replaced: u64,
+    /// Images that the network lost, by the numbers of their publishers.
+    #[serde(default)]
+    pub lost_images: u64,
+    /// Pairs of which it lost both images.
+    #[serde(default)]
+    pub lost_pairs: u64,
     /// Frames for which the requested truth has no measurement, if it has any.
     pub without_truth: u64,
     /// Frames whose measurement is of another time and cannot be moved to theirs, as the poses
@@ -46,13 +55,10 @@ pub struct Losses {
 impl Losses {
     /// Number of pairs lost; an image without a partner counts as one.
     pub fn lost(&self) -> u64 {
-        // A late image has no partner, either.
-        self.unpaired.max(self.late) + self.unreadable + self.cut + self.dropped
-    }
-
-    /// Counts the pairs that a full queue dropped as lost.
-    pub fn count_drops(&mut self) {
-        self.dropped = self.grabber.as_ref().map_or(0, |grabber| grabber.dropped);
+        // A late image has no partner, either, nor has that of a lost one.
+        let alone = self.lost_images.saturating_sub(2 * self.lost_pairs);
+        let unpaired = self.unpaired.max(self.late).max(alone);
+        unpaired + self.unreadable + self.cut + self.dropped + self.lost_pairs
     }
 
     /// Adds those of another run; the last grabber report is kept.
@@ -65,6 +71,9 @@ impl Losses {
             unreadable,
             broken,
             dropped,
+            replaced,
+            lost_images,
+            lost_pairs,
             without_truth,
             jumped,
             copies,
@@ -82,6 +91,9 @@ impl Losses {
             *self.broken.entry(topic).or_default() += messages;
         }
         self.dropped += dropped;
+        self.replaced += replaced;
+        self.lost_images += lost_images;
+        self.lost_pairs += lost_pairs;
         self.without_truth += without_truth;
         self.jumped += jumped;
         for (run, pairs) in copies {
@@ -101,6 +113,4 @@ pub struct GrabberReport {
     pub facts: BTreeMap<String, String>,
     /// For the terminal.
     pub text: String,
-    /// Pairs that a full queue dropped.
-    pub dropped: u64,
 }

@@ -169,6 +169,9 @@ impl Missing {
             unreadable,
             broken: _,
             dropped,
+            replaced: _,
+            lost_images,
+            lost_pairs,
             cut,
             outside: _,
             without_truth: _,
@@ -196,6 +199,8 @@ impl Missing {
             count(unpaired, "image").map(|n| n + " had no partner"),
             count(late, "image").map(|n| n + " came too late"),
             count(dropped, "pair").map(|n| n + " dropped by a full queue"),
+            count(lost_images, "image").map(|n| n + " lost on the network"),
+            count(lost_pairs, "pair").map(|n| n + " of which both images were lost"),
             count(cut, "frame").map(|n| n + " of a damaged or truncated video"),
             failures,
         ];
@@ -346,19 +351,38 @@ mod tests {
     }
 
     #[test]
-    fn dropped_pairs_are_lost_where_they_are_recorded() {
-        let mut losses = Losses {
-            grabber: Some(GrabberReport {
-                dropped: 3,
-                ..GrabberReport::default()
-            }),
+    fn pairs_of_live_topics_are_lost_unless_newer_ones_replaced_them() {
+        let losses = |unpaired, dropped, lost_images, lost_pairs| Losses {
+            unpaired,
+            dropped,
+            lost_images,
+            lost_pairs,
+            replaced: 40,
             ..Losses::default()
         };
-        assert_eq!(losses.lost(), 0);
-        losses.count_drops();
-        assert_eq!(losses.lost(), 3);
-        let words = missing(9, losses, &[]).words();
-        assert_eq!(words.as_deref(), Some("3 pairs dropped by a full queue"));
+        for (losses, lost, expected) in [
+            (losses(0, 0, 0, 0), 0, None),
+            (
+                losses(0, 3, 0, 0),
+                3,
+                Some("3 pairs dropped by a full queue"),
+            ),
+            // The partner came alone, or after the end.
+            (
+                losses(1, 0, 1, 0),
+                1,
+                Some("1 image had no partner and 1 image lost on the network"),
+            ),
+            (losses(0, 0, 1, 0), 1, Some("1 image lost on the network")),
+            (
+                losses(0, 0, 2, 1),
+                1,
+                Some("2 images lost on the network and 1 pair of which both images were lost"),
+            ),
+        ] {
+            assert_eq!(losses.lost(), lost);
+            assert_eq!(missing(9, losses, &[]).words().as_deref(), expected);
+        }
     }
 
     #[test]

@@ -74,6 +74,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.grid", ALL),
     // Only numbers of the report depend on it.
     ("description.cells.latency_ms", OF_ONE_RUN),
+    ("description.robot", OF_ONE_RUN),
     ("description.checkpoint", ALL),
     ("description.arena", OF_COURSES),
     ("description.drive", OF_COURSES),

@@ -7,7 +7,7 @@ use super::{
     CellKeys, DriveConfig, InputFiles, Limit, MAX_GRID, RangeEnds, Scenario, ScenarioFilter,
     ScenarioKind, ScenarioSource, SourceOptions, distinct_kinds,
 };
-use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, PieceConfig};
+use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, PieceConfig, RobotSize};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use svl_core::depth::GridSettings;
@@ -34,6 +34,7 @@ pub(super) struct File {
     pub(super) grid: GridSettings,
     #[serde(default)]
     pub(super) cells: CellKeys,
+    pub(super) robot: Option<RobotSize>,
     pub(super) source: SourceOptions,
     pub(super) arena: Option<ArenaConfig>,
     pub(super) drive: Option<DriveConfig>,
@@ -140,6 +141,7 @@ impl File {
             grid: self.grid,
             cells: self.cells.rule,
             latency: self.cells.latency_ms,
+            robot: self.robot,
             source,
             options,
             checkpoints: self.checkpoint,
@@ -151,7 +153,7 @@ impl File {
             gate,
             text: text.to_owned(),
         };
-        scenario.check_latency()?;
+        scenario.check_motion()?;
         if let Some(piece) = self.piece {
             scenario.set_piece(piece)?;
         }

@@ -2,6 +2,7 @@
 //! drive takes effect.
 
 use super::{Scenario, ScenarioSource};
+use crate::judge::RobotSize;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -113,21 +114,32 @@ pub struct CellKeys {
 }
 
 impl Scenario {
-    /// Checks that answers can be late.
+    /// Checks that answers can be late, and that a body can drive.
     ///
     /// # Errors
     /// [`Error::Invalid`] for drives and scenes, for a number out of range, and for a name of no
     /// algorithm.
-    pub fn check_latency(&self) -> Result<()> {
-        let Some(latency) = &self.latency else {
-            return Ok(());
-        };
+    pub fn check_motion(&self) -> Result<()> {
+        let asked = [
+            ("cells.latency_ms", self.latency.is_some()),
+            ("robot", self.robot.is_some()),
+        ];
+        let asked = asked.into_iter().find(|(_, is_asked)| *is_asked);
         let why = match self.source {
-            ScenarioSource::Drive { .. } => "drives have drive.latency_ms, by which they steer",
+            ScenarioSource::Drive { .. } => {
+                "drives have drive.latency_ms, by which they steer, and their recordings a way"
+            }
             _ if self.has_separate_pairs() => "each pair shows another scene: omit it",
-            _ => return latency.validate("cells.latency_ms", &self.algorithms),
+            _ => {
+                self.robot.iter().try_for_each(RobotSize::validate)?;
+                let mut latency = self.latency.iter();
+                return latency
+                    .try_for_each(|own| own.validate("cells.latency_ms", &self.algorithms));
+            }
         };
-        Err(Error::Invalid(format!("cells.latency_ms: {why}")))
+        asked.map_or(Ok(()), |(key, _)| {
+            Err(Error::Invalid(format!("{key}: {why}")))
+        })
     }
 }
 

@@ -28,7 +28,7 @@ pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, StampSource, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
-use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge, PieceConfig};
+use crate::judge::{Checkpoint, CheckpointPlace, ColumnChoice, Judge, PieceConfig, RobotSize};
 use file::File;
 use std::path::Path;
 use svl_core::depth::GridSettings;
@@ -73,6 +73,8 @@ pub struct Scenario {
     pub cells: CellRule,
     /// The latency after which cells are scored, too.
     pub latency: Option<Latency>,
+    /// The body whose way is free.
+    pub robot: Option<RobotSize>,
     pub source: ScenarioSource,
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
@@ -176,6 +178,7 @@ impl Scenario {
             grid: GridSettings::default(),
             cells: CellRule::default(),
             latency: None,
+            robot: None,
             source: ScenarioSource::Recording(runs),
             options,
             checkpoints: Vec::new(),

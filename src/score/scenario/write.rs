@@ -92,6 +92,7 @@ impl Scenario {
                 latency_ms: self.latency.clone(),
             },
             piece: self.piece.clone(),
+            robot: self.robot,
             source: self.source_options(replaced)?,
             arena: arena.map(|config| ArenaConfig {
                 pieces_m: Vec::new(),

@@ -83,6 +83,7 @@ const OPTIONS: &[(&str, Cure)] = &[
 const CURES: &[(&str, Cure)] = &[
     ("svl algos", Run("algos")),
     ("svl algos {algorithm}", Run("algos v3")),
+    ("svl bench", Left("cli::bench runs it")),
     ("svl calibrate check", Run("calibrate check a.mcap")),
     (
         "svl calibrate convert --rectify",

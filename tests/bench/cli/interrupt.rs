@@ -28,7 +28,7 @@ pub fn interrupted(
 }
 
 /// `pauses_ms`: the time before each signal.
-fn interrupted_times(
+pub fn interrupted_times(
     pauses_ms: &[u64],
     fixture: &Fixture,
     line: &str,

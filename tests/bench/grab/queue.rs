@@ -40,6 +40,17 @@ fn a_writer_that_waits_learns_that_the_reader_has_stopped() {
 }
 
 #[test]
+fn the_newest_replaces_the_one_that_waits() {
+    let queue = Queue::new(1, WhenFull::Replace);
+    assert_eq!(
+        [0, 1, 2].map(|i| queue.push(i)),
+        [Pushed::Taken, Pushed::Replaced, Pushed::Replaced]
+    );
+    assert_eq!(queue.pop().unwrap(), Some(2));
+    assert_eq!(queue.push(3), Pushed::Taken);
+}
+
+#[test]
 fn the_error_comes_after_the_last_item() {
     let queue = Queue::new(2, WhenFull::Drop);
     queue.push(7);
@@ -51,7 +62,7 @@ fn the_error_comes_after_the_last_item() {
 
 #[test]
 fn every_pair_is_read_or_counted() {
-    for when_full in [WhenFull::Drop, WhenFull::Wait] {
+    for when_full in [WhenFull::Drop, WhenFull::Wait, WhenFull::Replace] {
         let stage = Stage {
             queue: 2,
             when_full,
@@ -68,7 +79,7 @@ fn every_pair_is_read_or_counted() {
         let numbers = frames.iter().map(|frame| frame.sequence);
         match when_full {
             // Gaps in the numbers are the drops.
-            WhenFull::Drop => assert!(numbers.is_sorted_by(|a, b| a < b)),
+            WhenFull::Drop | WhenFull::Replace => assert!(numbers.is_sorted_by(|a, b| a < b)),
             WhenFull::Wait => {
                 assert_eq!(tally.dropped, 0);
                 assert!(numbers.eq(0..50));

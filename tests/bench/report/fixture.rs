@@ -93,6 +93,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         near_px: None,
         piece_m: None,
         surface_probability: None,
+        free_m: None,
     }
 }
 

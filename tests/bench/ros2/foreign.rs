@@ -1,45 +1,42 @@
 //! CycloneDDS, which is ROS 2's default, at the other end.
 
-use super::robot::address;
-use crate::cli::fixture::Fixture;
+use super::robot::{self, address};
+use super::wait_for;
+use crate::cli::fixture::{Fixture, assert_says};
 use crate::cli::interrupt::interrupted;
-use crate::common::python;
+use crate::common::{python, skip};
 use std::collections::BTreeSet;
 use svl::source::{RecordingSource, Source};
 
 const SCRIPT: &str = "ros2_topics.py";
 const MODULES: &str = "cyclonedds, numpy";
 
-/// The domain's number in an address.
-fn domain(address: &str) -> String {
-    let number = address.split("domain=").nth(1).unwrap();
-    number.split(',').next().unwrap().to_owned()
+/// The output of the script, a word per argument.
+fn cyclone(words: &str) -> Option<Vec<u8>> {
+    python(SCRIPT, MODULES, words.split_whitespace())
 }
 
 #[cfg(unix)]
 #[test]
 fn cyclone_s_images_arrive_and_it_reads_the_results() {
-    let (source, prefix) = (address(8, ""), address(8, "/svl"));
-    let domain = domain(&source);
+    let (source, prefix, domain) = (address(8, ""), address(8, "/svl"), robot::domain(8));
     let fixture = Fixture::new();
     let read_all = fixture.path("read-all");
     let until = format!("until={}", read_all.display());
-    let publish = [
-        "publish", &domain, "6000", "10", "320", "240", "latched", &until,
-    ];
-    let publish = publish.map(str::to_owned);
-    let read = |what: &str| ["read", &domain, what, "1", "600"].map(str::to_owned);
+    let publish = format!("publish {domain} 6000 10 320 240 latched {until}");
     let pixel_svl = format!("replay {source} --dense --publish {}", address(8, "/dense"));
     let output = std::thread::scope(|scope| {
-        let sent = scope.spawn(|| python(SCRIPT, MODULES, publish));
+        let sent = scope.spawn(|| cyclone(&publish));
         let read = |what: &str| {
-            let args = read(what);
-            scope.spawn(move || python(SCRIPT, MODULES, args))
+            let words = format!("read {domain} {what}");
+            scope.spawn(move || cyclone(&words))
         };
-        let topics = ["points", "scan", "disparity", "depth"].map(|topic| format!("/svl/{topic}"));
-        let [points, scan, disparity, depth] = topics.each_ref().map(|topic| read(topic));
-        let status = read("/diagnostics");
-        let dense = read("/dense/points");
+        let points = read("/svl/points 1 600 reliable");
+        let topics = ["scan", "disparity", "depth"].map(|topic| format!("/svl/{topic} 1 600"));
+        let [scan, disparity, depth] = topics.each_ref().map(|topic| read(topic));
+        let unfit = read(&format!("/svl/depth 1 600 reliable {until}"));
+        let status = read("/diagnostics 1 600");
+        let dense = read("/dense/points 1 600");
         let line = format!("replay {source} --publish {prefix} -o live.mcap");
         let svl = [pixel_svl, line].map(|line| {
             let (fixture, read_all) = (&fixture, &read_all);
@@ -48,10 +45,15 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
         let readers = [points, dense, scan, disparity, depth, status];
         let read = readers.map(|thread| thread.join().unwrap());
         std::fs::write(&read_all, "").unwrap();
-        for svl in svl {
-            let (code, stderr) = svl.join().unwrap();
-            // Without CycloneDDS it heard nothing.
-            assert!(code == Some(0) || read[0].is_none(), "{stderr}");
+        let [pixel_svl, svl] = svl.map(|svl| svl.join().unwrap());
+        if read[0].is_some() {
+            for (code, stderr) in [&pixel_svl, &svl] {
+                // A busy machine may lose images.
+                assert!(matches!(code, Some(0 | 4)), "{stderr}");
+            }
+            let words = "/svl/depth: it asks for the QoS reliable";
+            assert_eq!(svl.1.matches(words).count(), 1, "{}", svl.1);
+            assert_eq!(unfit.join().unwrap(), Some(Vec::new()));
         }
         let [points, dense, scan, disparity, depth, status] = read;
         let sent = sent.join().unwrap();
@@ -115,7 +117,90 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     // Both commands publish one.
     let name = status["name"].as_str().unwrap();
     assert!(["svl /svl: v5", "svl /dense: v5"].contains(&name), "{name}");
-    assert!(status["values"]["latency ms, longest"].is_string());
+    let keys = [
+        "latency ms, longest",
+        "images lost",
+        "pairs lost",
+        "pairs dropped",
+        "pairs replaced",
+        "readers matched",
+        "readers unfit",
+    ];
+    for key in keys {
+        assert!(status["values"][key].is_string(), "{key}: {status}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn images_that_the_network_lost_are_losses() {
+    let (source, prefix, domain) = (address(17, ""), address(17, "/svl"), robot::domain(17));
+    let fixture = Fixture::new();
+    let until = format!("until={}", fixture.path("ended").display());
+    let publish = format!("publish {domain} 60000 20 64 48 lose=7 lose_pairs=10 {until}");
+    std::thread::scope(|scope| {
+        let sent = scope.spawn(|| cyclone(&publish));
+        let [recorded, replayed] = [
+            format!("record {source} --frames 40 -o run.mcap"),
+            format!("replay {source} --to 2 --publish {prefix}"),
+        ]
+        .map(|line| fixture.svl(&line));
+        fixture.write("ended", "");
+        if sent.join().unwrap().is_none() {
+            return;
+        }
+        for ran in [recorded, replayed] {
+            assert_eq!(ran.code, Some(4), "{}", ran.stderr);
+            let words = [
+                " lost on the network and ",
+                " of which both images were lost",
+            ];
+            assert_says(&ran.stderr, &words);
+            assert!(!ran.stdout.contains("none lost"), "{}", ran.stdout);
+        }
+        let info = fixture.json("info run.mcap --json");
+        // Two or three of each kind in 40 pairs.
+        let missing = info["missing_pairs"].as_u64().unwrap();
+        assert!(missing >= 4, "{missing}");
+    });
+}
+
+#[cfg(unix)]
+#[test]
+fn subscribers_that_are_there_get_the_first_pair_of_a_recording() {
+    let (prefix, domain) = (address(18, "/svl"), robot::domain(18));
+    let fixture = Fixture::recorded();
+    let until = format!("until={}", fixture.path("ended").display());
+    let kinds = ["", "reliable"];
+    std::thread::scope(|scope| {
+        let readers = kinds.map(|kind| {
+            let ready = fixture.path(&format!("ready{kind}"));
+            let words = format!(
+                "read {domain} /svl/points 99 600 ages {kind} {until} ready={}",
+                ready.display()
+            );
+            let reader = scope.spawn(move || cyclone(&words));
+            wait_for(|| ready.exists() || reader.is_finished());
+            reader
+        });
+        let line = format!("replay run.mcap -v --speed 1 --publish {prefix}");
+        let ran = fixture.svl(&line);
+        fixture.write("ended", "");
+        let [Some(best_effort), Some(reliable)] = readers.map(|reader| reader.join().unwrap())
+        else {
+            return;
+        };
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_says(&ran.stderr, &[" found"]);
+        if !ran.stderr.contains("2 subscribers found") {
+            skip("discovery takes longer than svl waits, on a machine under load");
+            return;
+        }
+        let first = frames(&fixture, "run.mcap").next().unwrap().stamp_ns;
+        for read in [best_effort, reliable] {
+            assert_eq!(lines(&read)[0]["first_ns"].as_u64(), Some(first));
+        }
+    });
 }
 
 /// Each point of the cloud of all pixels is a pixel of the wall.
@@ -152,9 +237,8 @@ fn recorded(fixture: &Fixture, name: &str, sent: &[u8]) -> usize {
         .map(|line| serde_json::from_value(line).map(|Sent { stamp_ns, crc }| (stamp_ns, crc)))
         .collect::<Result<_, _>>()
         .unwrap();
-    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
     let mut pairs = 0;
-    while let Some(frame) = source.next().unwrap() {
+    for frame in frames(fixture, name) {
         let crc = |image: &svl::stereo::Gray| {
             u64::from(crc32fast::hash(&image.pixels().collect::<Vec<u8>>()))
         };
@@ -163,6 +247,11 @@ fn recorded(fixture: &Fixture, name: &str, sent: &[u8]) -> usize {
         pairs += 1;
     }
     pairs
+}
+
+fn frames(fixture: &Fixture, name: &str) -> impl Iterator<Item = svl::stereo::Frame> {
+    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
+    std::iter::from_fn(move || source.next().unwrap())
 }
 
 #[derive(serde::Deserialize)]

@@ -2,9 +2,10 @@
 
 mod foreign;
 mod robot;
+mod service;
 
 use crate::cli::fixture::{Fixture, assert_says};
-use crate::cli::interrupt::interrupted;
+use crate::cli::interrupt::{interrupted, interrupted_times};
 use crate::recording::frames::{PERIOD_NS, image};
 use robot::{BASELINE_M, Fault, Robot, START_NS};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -83,7 +84,7 @@ fn wait_for(ready: impl Fn() -> bool) {
 }
 
 #[test]
-fn a_duration_ends_without_publishers() {
+fn a_duration_is_of_stamps_and_ends_without_publishers() {
     let robot = Robot::start(14, Fault::None);
     let source = robot.source("");
     let fixture = Fixture::new();
@@ -100,6 +101,17 @@ fn a_duration_ends_without_publishers() {
         .unwrap()
         .pairs();
     assert!(pairs.is_some_and(|pairs| pairs > 0), "{pairs:?}");
+    // Two seconds by stamps are eight by the clock of this machine.
+    let robot = Robot::start(14, Fault::Slow);
+    let ran = fixture.svl(&format!(
+        "record {} --duration 2 -o slow.mcap",
+        robot.source("")
+    ));
+    // A busy machine may lose images.
+    assert!(matches!(ran.code, Some(0 | 4)), "{}", ran.stderr);
+    let ended = "clock of this machine";
+    assert!(!ran.stderr.contains(ended), "{}", ran.stderr);
+    assert_says(&ran.stdout, &[" in 2.0 s ("]);
 }
 
 #[cfg(unix)]
@@ -168,6 +180,68 @@ fn live_results_are_published_and_proved_by_a_recording() {
         Some(if is_enough { 0 } else { 4 }),
         "{verification}"
     );
+}
+
+/// Matches a pair of the robot's in more time than three take to come.
+const SLOW: &str = r#"#!/bin/sh
+seq=0
+while read -r line; do
+    dd bs=1 count=768 of=/dev/null 2>/dev/null
+    sleep 0.25
+    seq=$((seq + 1))
+    echo "{\"seq\":$seq,\"millis\":250}"
+    head -c 1536 /dev/zero
+done
+"#;
+
+#[cfg(unix)]
+#[test]
+fn newer_pairs_replace_those_that_wait() {
+    let robot = Robot::start(19, Fault::None);
+    let fixture = Fixture::new();
+    let slow = fixture.write("slow", SLOW);
+    let permissions = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(slow, permissions).unwrap();
+    let (source, publish) = (robot.source(""), robot.source("/svl"));
+    let line = format!(
+        "replay {source} --publish {publish} --algo slow=exec:command=./slow --rows live.csv"
+    );
+    let (is_heard, replayed) = (AtomicBool::new(false), AtomicBool::new(false));
+    let is = |told: &AtomicBool| told.load(Ordering::Relaxed);
+    let (code, stderr) = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let record = format!("record {source} -o run.mcap");
+            interrupted(&fixture, &record, || is(&replayed))
+        });
+        let replay = scope.spawn(|| {
+            wait_for(|| fixture.path("run.mcap").exists());
+            let stdout = std::fs::File::create(fixture.path("said")).unwrap();
+            let ran = interrupted_times(&[0], &fixture, &line, stdout.into(), || is(&is_heard));
+            replayed.store(true, Ordering::Relaxed);
+            ran
+        });
+        let has_replaced = |message: &[u8]| {
+            let key = b"pairs replaced\0";
+            let at = message.windows(key.len()).position(|part| part == key);
+            // The value follows, aligned, with its length.
+            at.is_some_and(|at| message[(at + key.len()).next_multiple_of(4) + 4] != b'0')
+        };
+        heard(&publish, &["/diagnostics"], has_replaced);
+        is_heard.store(true, Ordering::Relaxed);
+        replay.join().unwrap()
+    });
+    let said = fixture.text("said");
+    // A busy machine may lose images.
+    if code != Some(4) {
+        assert_eq!(code, Some(0), "{stderr}");
+        assert_says(&said, &[" replaced by newer ones; none lost"]);
+    }
+    // The recording has those between, too, and a program may remember earlier pairs.
+    let verify = "replay run.mcap --verify=live.csv --algo slow=exec:command=./slow --json";
+    let ran = fixture.svl(verify);
+    let live = &ran.json()["verification"]["live"];
+    assert!(live["common"].as_u64().unwrap() > 0, "{live}");
+    assert_eq!(live["only_now"], serde_json::json!([]));
 }
 
 /// All published topics, once `names` are among them, and the first wanted message of the first.

@@ -22,6 +22,8 @@ pub(super) enum Fault {
     Silent,
     /// The stamps of the right camera are an hour late.
     OtherClock,
+    /// The stamps last a quarter of the time.
+    Slow,
     /// The right images are narrower.
     OtherSize,
     /// Each camera has the calibration of the other.
@@ -46,10 +48,14 @@ pub(super) struct Robot {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Topics in the `n`-th domain of this test program.
+/// The `n`-th domain of this test program; another one on this machine has others.
+pub(super) fn domain(n: u16) -> u16 {
+    30 + 20 * (std::process::id() % 10) as u16 + n
+}
+
+/// Topics in that domain.
 pub(super) fn address(n: u16, topics: &str) -> String {
-    // Another test program on this machine has other domains.
-    let domain = 30 + 20 * (std::process::id() % 10) as u16 + n;
+    let domain = domain(n);
     format!("ros2:{topics},domain={domain},interface=127.0.0.1").replace(":,", ":")
 }
 
@@ -142,6 +148,7 @@ fn publishers(n: u16, other: Option<&str>) -> TopicOutbox {
 fn messages(i: u64, fault: Fault, is_later: bool) -> Vec<Message> {
     let stamp = START_NS + i * PERIOD_NS;
     let stamp = match fault {
+        Fault::Slow => START_NS + i * PERIOD_NS / 4,
         Fault::ClockBack if is_later => stamp - HOUR_NS,
         _ => stamp,
     };

@@ -106,11 +106,8 @@ impl Source for CameraSource {
             unpaired: partners.saturating_sub(damaged),
             unreadable: damaged,
             outside: tally.count(Unpaired::is_outside),
-            grabber: Some(GrabberReport {
-                facts,
-                text,
-                dropped: tally.dropped,
-            }),
+            dropped: tally.dropped,
+            grabber: Some(GrabberReport { facts, text }),
             ..Losses::default()
         }
     }

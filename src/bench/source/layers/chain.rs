@@ -4,7 +4,7 @@ use super::alignment_monitor::AlignmentMonitor;
 use super::board_truth::{BoardFinder, BoardSightings};
 use super::distinct::DistinctSource;
 use super::floored::{FlooredSource, ToldFloor};
-use super::limited::{FirstPairs, Limited};
+use super::limited::{FirstPairs, Limited, MatchedPairs};
 use super::measured::{MeasuredSource, SourceMaps};
 use super::plausible::PlausibleSource;
 use super::rectified::{AppliedCalibration, RectifiedSource, assumed, declared};
@@ -12,6 +12,7 @@ use super::registered::{RegisteredSource, Registration};
 use super::resized::resized;
 use super::stressed::{Perturbation, StressedSource};
 use crate::source::frames::{Source, wraps};
+use std::collections::BTreeSet;
 use svl_core::Result;
 use svl_core::stereo::{Frame, Rig};
 use svl_score::scenario::{CropScale, PairRange, SourceOptions};
@@ -67,6 +68,8 @@ macro_rules! chain {
 chain! {
     /// A range of the source's pairs.
     limit(range: PairRange), |source| Limited::new(source, range, None);
+    /// The pairs that another run matched, by their stamps.
+    matched(stamps_ns: BTreeSet<u64>), |source| MatchedPairs { source, stamps_ns };
     /// One picture twice is refused.
     distinct(_all: ()), |source| DistinctSource::new(source);
     /// A board is searched for that is the truth.

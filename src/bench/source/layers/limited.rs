@@ -1,6 +1,7 @@
 //! Some of the pairs of another source: a range of its time, every n-th, or the first N.
 
 use crate::source::frames::{Source, wraps};
+use std::collections::BTreeSet;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result, counted};
 use svl_score::losses::Losses;
@@ -21,6 +22,29 @@ impl FirstPairs {
             ..PairRange::default()
         };
         (to_s.is_some() || frames.is_some()).then_some(Self { range, frames })
+    }
+}
+
+/// The pairs of a source with one of these stamps: those that a run of live topics matched.
+pub(crate) struct MatchedPairs<'a> {
+    pub source: Box<dyn Source + 'a>,
+    pub stamps_ns: BTreeSet<u64>,
+}
+
+impl Source for MatchedPairs<'_> {
+    wraps!();
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        while let Some(frame) = self.source.next()? {
+            if self.stamps_ns.contains(&frame.stamp_ns) {
+                return Ok(Some(frame));
+            }
+        }
+        Ok(None)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        None
     }
 }
 

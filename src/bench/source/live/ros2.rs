@@ -3,6 +3,7 @@
 use crate::source::frames::Source;
 use crate::source::opened::open_source::{Heard, Opened};
 use crate::source::opened::request::Request;
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,8 +37,13 @@ struct TopicSource {
     queue: Arc<Queue<Frame>>,
     receiver: Option<JoinHandle<Receiver>>,
     ended: Arc<AtomicBool>,
-    /// End by this machine's clock.
-    deadline: Option<Instant>,
+    /// True if a newer pair takes the place of one that waits.
+    keeps_newest: bool,
+    /// Time by this machine's clock after which it ends once stamps stand still.
+    longest: Option<Duration>,
+    began: Instant,
+    /// The latest stamp, and since when it is that.
+    latest: (u64, Instant),
     stopped: fn() -> bool,
 }
 
@@ -54,9 +60,12 @@ struct Receiver {
     rectifies: bool,
     /// Unreadable messages other than images, by topic.
     broken: BTreeMap<String, u64>,
-    /// Pairs so far, and those that found the queue full.
+    /// Pairs so far, those that found the queue full, and those that a newer one replaced there.
     formed: u64,
     dropped: u64,
+    replaced: u64,
+    /// The losses so far, for the status.
+    shared: Arc<Mutex<Losses>>,
     /// The last image of each camera; none once its silence was reported.
     heard: [Option<Instant>; 2],
     /// Size and geometry of the first pair.
@@ -85,6 +94,8 @@ pub(crate) fn open(request: &Request<'_>) -> Result<Opened> {
         broken: BTreeMap::new(),
         formed: 0,
         dropped: 0,
+        replaced: 0,
+        shared: Arc::default(),
         heard: [None; 2],
         first: None,
         began: Instant::now(),
@@ -105,9 +116,11 @@ pub(crate) fn open(request: &Request<'_>) -> Result<Opened> {
     });
     let mut facts = pairs.facts();
     facts.remarks.extend(mixed);
+    let losses = Some(Arc::clone(&receiver.shared));
     let source = TopicSource::start(receiver, first, request);
     Ok(Opened {
         is_live: true,
+        losses,
         ..Opened::new(source, Header::new(request.name), "ros2")
     }
     .with_facts(facts))
@@ -298,7 +311,8 @@ impl Receiver {
                 }
                 Ok(mut frame) => {
                     self.formed += 1;
-                    frame.exposure.drops += self.lost() + 2 * self.dropped;
+                    let losses = self.losses();
+                    frame.exposure.drops += losses.lost_images + 2 * losses.dropped;
                     return Some(frame);
                 }
             }
@@ -315,10 +329,20 @@ impl Receiver {
         is_raw(frame.geometry) && !(is_raw(geometry) && is_alike)
     }
 
-    /// Messages lost of both cameras.
-    fn lost(&self) -> u64 {
-        let images = self.inbox.lost().take(self.heard.len());
-        images.map(|(_, lost)| lost).sum()
+    /// What the network and the queue lost so far, and the unreadable.
+    fn losses(&self) -> Losses {
+        let mut lost = self.inbox.lost().map(|(_, lost)| lost);
+        let [left, right] = [(); 2].map(|()| lost.next().unwrap_or(0));
+        // A pair that is lost whole leaves no image without a partner.
+        let whole = (left + right).saturating_sub(self.pairs.unpaired()) / 2;
+        Losses {
+            lost_images: left + right,
+            lost_pairs: whole.min(left).min(right),
+            dropped: self.dropped,
+            replaced: self.replaced,
+            unreadable: self.unreadable(),
+            ..Losses::default()
+        }
     }
 
     /// Passes pairs on until it is told to end, or the network fails.
@@ -329,9 +353,11 @@ impl Receiver {
                 match queue.push(frame) {
                     Pushed::Taken | Pushed::Late => {}
                     Pushed::Dropped => self.dropped += 1,
+                    Pushed::Replaced => self.replaced += 1,
                     Pushed::Abandoned => return Ok(()),
                 }
             }
+            *self.shared.lock() = self.losses();
         }
         Ok(())
     }
@@ -339,22 +365,23 @@ impl Receiver {
     /// The counts, by name and in a line.
     fn report(&self, taken: u64) -> GrabberReport {
         let [left, right] = self.pairs.counts();
-        let (pairs, dropped) = (self.formed, self.dropped);
-        let unread = pairs.saturating_sub(dropped + taken);
+        let (pairs, dropped, losses) = (self.formed, self.dropped, self.losses());
+        let unread = pairs.saturating_sub(dropped + self.replaced + taken);
         let counts = [
             ("left_images", left),
             ("right_images", right),
             ("pairs", pairs),
             ("dropped_pairs", dropped),
+            ("replaced_pairs", self.replaced),
+            ("lost_images", losses.lost_images),
+            ("lost_pairs", losses.lost_pairs),
             ("unread_pairs", unread),
         ];
-        let lost = self.inbox.lost().filter(|(_, lost)| *lost > 0);
-        let lost: Vec<_> = lost.collect();
+        let lost: Vec<_> = self.inbox.lost().filter(|(_, lost)| *lost > 0).collect();
         let words = lost
             .iter()
             .map(|(topic, lost)| format!("{lost} of {topic}"));
-        let words: Vec<_> = words.collect();
-        let words = match &words[..] {
+        let words = match &words.collect::<Vec<_>>()[..] {
             [] => "no message lost".to_owned(),
             words => format!("messages lost: {}", words.join(", ")),
         };
@@ -364,6 +391,9 @@ impl Receiver {
             counted(pairs, "pair"),
             counted(dropped, "pair")
         );
+        if self.replaced > 0 {
+            text += &format!(", {} replaced by newer ones", self.replaced);
+        }
         let jumps = self.pairs.jumps();
         if jumps > 0 {
             let jumps = counted(jumps, "jump");
@@ -378,11 +408,7 @@ impl Receiver {
             .map(|(topic, n)| (format!("lost {topic}"), n.to_string()));
         let facts = counts.into_iter().chain(lost);
         let facts = facts.chain([("counts".to_owned(), text.clone())]).collect();
-        GrabberReport {
-            facts,
-            text,
-            dropped,
-        }
+        GrabberReport { facts, text }
     }
 }
 
@@ -404,17 +430,21 @@ impl TopicSource {
             queue,
             receiver: Some(std::thread::spawn(run)),
             ended,
-            deadline: request.live_s.and_then(|seconds| {
+            keeps_newest: when_full == WhenFull::Replace,
+            longest: request.live_s.and_then(|seconds| {
                 let longest = Duration::try_from_secs_f64(seconds).ok()?;
-                Instant::now().checked_add(longest + MAX_LATENESS)
+                longest.checked_add(MAX_LATENESS)
             }),
+            began: Instant::now(),
+            latest: (0, Instant::now()),
             stopped: request.host.stopped,
         }
     }
 
-    fn is_over(&self) -> bool {
-        self.deadline
-            .is_some_and(|deadline| Instant::now() >= deadline)
+    /// True if the time is over by this machine's clock, and there was no later stamp `since`.
+    fn is_over(&self, since: Instant) -> bool {
+        let is_past = |longest| self.began.elapsed() >= longest;
+        self.longest.is_some_and(is_past) && since.elapsed() >= MAX_LATENESS
     }
 }
 
@@ -424,14 +454,18 @@ impl Source for TopicSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
+        let waits = Instant::now();
+        let is_told = || (self.stopped)() || self.is_over(waits);
+        let next = self.queue.pop_unless(is_told)?;
+        let (latest_ns, _) = self.latest;
+        if let Some(frame) = next.as_ref().filter(|frame| frame.stamp_ns > latest_ns) {
+            self.latest = (frame.stamp_ns, Instant::now());
+        }
         // Pairs whose stamps stand still arrive beyond the end.
-        let next = if self.is_over() {
-            None
-        } else {
-            self.queue
-                .pop_unless(|| (self.stopped)() || self.is_over())?
-        };
-        if next.is_none() && self.is_over() && !(self.stopped)() {
+        let since = next.as_ref().map_or(waits, |_| self.latest.1);
+        let is_over = self.is_over(since) && !(self.stopped)();
+        let next = next.filter(|_| !is_over);
+        if is_over {
             tracing::warn!(
                 "{}: ended by the clock of this machine: by their stamps, the pairs last less",
                 self.name
@@ -447,14 +481,7 @@ impl Source for TopicSource {
             return Losses::default();
         };
         receiver.pairs.end();
-        let (lost, dropped) = (receiver.lost(), receiver.dropped);
-        if lost + dropped > 0 {
-            let (lost, dropped) = (counted(lost, "image"), counted(dropped, "pair"));
-            tracing::warn!(
-                "{}: {lost} lost, {dropped} dropped by a full queue",
-                self.name
-            );
-        }
+        let losses = receiver.losses();
         // Images that waited for a partner as svl stopped are no losses.
         let facts = receiver.pairs.facts();
         // The partner of an unreadable image is reported with it; that of another unreadable one is
@@ -463,11 +490,14 @@ impl Source for TopicSource {
         Losses {
             unpaired: (facts.unpaired_ns.len() as u64).saturating_sub(left.abs_diff(right)),
             outside: facts.outside,
-            unreadable: receiver.unreadable(),
             broken: std::mem::take(&mut receiver.broken),
             grabber: Some(receiver.report(taken)),
-            ..Losses::default()
+            ..losses
         }
+    }
+
+    fn keeps_newest(&self) -> bool {
+        self.keeps_newest
     }
 }
 

@@ -9,9 +9,11 @@ use crate::source::layers::chain::Chain;
 use crate::source::layers::floored::{LevelCamera, ToldFloor};
 use crate::source::layers::measured::{MeasuredMaps, SourceMaps, delays};
 use crate::source::layers::rectified::AppliedCalibration;
+use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use svl_core::doubt::CalibrationCheck;
 use svl_core::stereo::{LengthUnit, Rig};
 use svl_core::{Error, Result};
@@ -20,6 +22,7 @@ use svl_recording::{
     CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, StampOrigin, StreamFacts, Writer,
 };
 use svl_report::TopicDelay;
+use svl_score::losses::Losses;
 use svl_score::manifest::{InputRecord, Manifest, hash, hash_bytes};
 use svl_score::scenario::{Scenario, SourceOptions};
 use tempfile::TempDir;
@@ -38,6 +41,8 @@ pub struct Opened {
     pub stem: String,
     /// True if frames come in real time.
     pub is_live: bool,
+    /// Losses of live topics so far.
+    pub losses: Option<Arc<Mutex<Losses>>>,
     /// The recording that it reads.
     pub recording: Option<Recording>,
     /// Delays of the topics that maps are read from.
@@ -89,6 +94,7 @@ impl Opened {
             calibration: CalibrationFiles::new(),
             stem: stem.into(),
             is_live: false,
+            losses: None,
             recording: None,
             latency: Vec::new(),
             notes: Vec::new(),

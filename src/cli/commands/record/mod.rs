@@ -116,10 +116,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         say_default(opened.source.pairs());
     }
     let stamps = opened.header.stamps.filter(|_| opened.recording.is_none());
+    let is_live = opened.is_live;
     let began = Instant::now();
     let pairs = opened.source.pairs();
-    let (mut outcome, ran) = recordings::record(opened, &place, format(args), quiet);
-    outcome.losses.count_drops();
+    let (outcome, ran) = recordings::record(opened, &place, format(args), quiet);
     let reached_end = reached_end(source, &outcome, pairs);
     let is_kept = place.exists();
     let is_whole = ran.is_ok() && reached_end.is_ok();
@@ -145,8 +145,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         if let Some(note) = ending.note() {
             print_error(format_args!("{source}: not recorded: {note}"));
         }
-        let seconds = began.elapsed().as_secs_f64();
-        print(&report(&output, &outcome, pairs, seconds)?)?;
+        // Waiting for the first pair of a live source is not recording.
+        let time = if is_live && outcome.frames > 1 {
+            outcome.duration
+        } else {
+            began.elapsed()
+        };
+        print(&report(&output, &outcome, pairs, time.as_secs_f64())?)?;
         if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
             print_error(format_args!("{source}: {note}"));
         }
@@ -175,8 +180,7 @@ fn stream(args: &Args, source: &str, quiet: bool) -> anyhow::Result<()> {
     }
     let opened = limited(source::open(request(args, source), quiet)?, args)?;
     let pairs = opened.source.pairs();
-    let (mut outcome, ran) = recordings::stream(opened, quiet);
-    outcome.losses.count_drops();
+    let (outcome, ran) = recordings::stream(opened, quiet);
     ran?;
     reached_end(source, &outcome, pairs)?;
     let ending = Ending::new(outcome.missing(), args.options.allow_loss);

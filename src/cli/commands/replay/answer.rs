@@ -6,7 +6,7 @@ use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::viewer::RerunChoice;
 use std::collections::BTreeMap;
 use std::path::Path;
-use svl::losses::{EndState, Ending};
+use svl::losses::Ending;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
@@ -130,13 +130,15 @@ impl Replayed {
             (false, Some(summary)) => {
                 let labels = joined(summary.algorithms.iter().map(|a| a.algorithm.as_str()));
                 let pairs = counted(self.outcome.frames, "pair");
-                let lost = match self.ending.state {
-                    EndState::Complete => "; none lost",
-                    _ => "",
+                let losses = &self.outcome.losses;
+                let replaced = match losses.replaced {
+                    0 => String::new(),
+                    n => format!("; {n} replaced by newer ones"),
                 };
+                let lost = if losses.lost() > 0 { "" } else { "; none lost" };
                 let next = next(args, &self.name, self.is_live)?;
                 print(&format!(
-                    "\n{pairs} replayed through {labels}{lost}.\nnext     {next}\n"
+                    "\n{pairs} replayed through {labels}{replaced}{lost}.\nnext     {next}\n"
                 ))
             }
             _ => Ok(()),

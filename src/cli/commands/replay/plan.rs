@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use svl::Error;
 use svl::console::Watch;
 use svl::drive::Course;
-use svl::grab::GrabRequest;
+use svl::grab::{GrabRequest, WhenFull};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
@@ -26,9 +26,6 @@ use svl::sink::{
 };
 use svl::source::{Chain, Opened, PairRegister, Registration, Request, SourceKind};
 use svl::train::with_filters;
-
-/// Pairs that may wait for matching while results are published.
-const LIVE_QUEUE: usize = 4;
 
 /// A replay before its first pair.
 pub(super) struct Plan<'a> {
@@ -51,6 +48,10 @@ impl<'a> Plan<'a> {
     /// Reads all that the arguments name and starts the programs. Files that are replaced are set
     /// aside.
     pub(super) fn new(args: &'a Args, terminal: &Terminal) -> anyhow::Result<Self> {
+        if args.publish.is_some() && args.algo.len() > 1 {
+            let wrong = "--publish is for the results of one algorithm; name one with --algo";
+            return Err(Error::Usage(wrong.into()).into());
+        }
         let mut outputs = claim(args)?;
         let name = match &args.recording {
             Some(name) => name.clone(),
@@ -77,6 +78,7 @@ impl<'a> Plan<'a> {
         };
         let chain = opened.chain.clone();
         let opened = opened.over(Chain {
+            matched: earlier.as_ref().and_then(Earlier::stamps_ns),
             register: Some(registration),
             ..Chain::default()
         })?;
@@ -106,6 +108,12 @@ impl<'a> Plan<'a> {
     /// Replays the pairs, and compares the results with the earlier ones. What came before an error
     /// is kept.
     pub(super) fn replay(mut self, terminal: &Terminal) -> anyhow::Result<Replayed> {
+        let waits = !self.opened.is_live && !terminal.quiet;
+        if let Some(prefix) = self.args.publish.as_deref().filter(|_| waits) {
+            print_error(format_args!(
+                "{prefix}: waits for subscribers, 10 s at most"
+            ));
+        }
         let mut sinks = self.sinks()?;
         let cells = self.collect_cells(&mut sinks);
         let title = self.opened.source.name();
@@ -156,6 +164,7 @@ impl<'a> Plan<'a> {
         let frame_id = self.opened.header.frame_id.as_deref();
         let publish = args.publish.as_deref().map(|address| PublishRequest {
             address,
+            losses: self.opened.losses.clone(),
             options: ResultOptions {
                 camera_height_m: self.opened.header.camera_height_m,
                 near_m: args.scan_near,
@@ -245,15 +254,13 @@ fn open(
 ) -> anyhow::Result<Opened> {
     let options = &args.options;
     options.refuse(NOT_TAKEN, "is for scenarios; `svl score` accepts them")?;
-    if args.publish.is_some() && args.algo.len() > 1 {
-        let wrong = "--publish is for the results of one algorithm; name one with --algo";
-        return Err(Error::Usage(wrong.into()).into());
-    }
+    // A robot needs the newest pair: it takes the place of the one that waits.
+    let newest = args.publish.is_some() && SourceKind::are_topics(name);
     let request = Request {
         options: options.clone(),
         grab: GrabRequest {
-            // A robot needs the newest pair: few may wait.
-            queue: (args.publish.is_some() && SourceKind::are_topics(name)).then_some(LIVE_QUEUE),
+            queue: newest.then_some(1),
+            when_full: newest.then_some(WhenFull::Replace),
             ..GrabRequest::default()
         },
         ..Request::new(name)

@@ -144,6 +144,12 @@ impl Earlier {
         self.hashes.insert((label, key), hashes);
     }
 
+    /// The stamps of the pairs of live topics: an algorithm that remembers has to see these alone.
+    pub(super) fn stamps_ns(&self) -> Option<BTreeSet<u64>> {
+        let stamps = self.hashes.keys().map(|(_, stamp)| *stamp);
+        self.by_stamp.then(|| stamps.collect())
+    }
+
     pub(super) fn has_cells(&self) -> bool {
         !self.cells.is_empty()
     }

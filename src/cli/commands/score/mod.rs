@@ -22,7 +22,7 @@ use svl::report::{
     BuildOptions, BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit,
 };
 use svl::scenario::{Latency, RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels};
-use svl::score::{ColumnChoice, Metric};
+use svl::score::{ColumnChoice, Metric, RobotSize};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
 
 /// Score algorithms on a scenario or on recordings into a report
@@ -171,6 +171,17 @@ pub(crate) struct Args {
         hide_short_help = true
     )]
     latency: Option<Latency>,
+    /// Width and height of the robot's body in metres, as 0.50x0.40: what it drove through was free
+    ///
+    /// Needs poses. Tells phantoms, reports nearer than that, with a truth or without [default:
+    /// the scenario's, else none].
+    #[arg(
+        long,
+        value_name = "WxH",
+        help_heading = "Scoring",
+        hide_short_help = true
+    )]
+    robot: Option<RobotSize>,
     /// Explain the columns
     #[arg(long, help_heading = "Output")]
     explain: bool,

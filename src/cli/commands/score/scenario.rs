@@ -42,9 +42,10 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     if let Some(ranges) = &args.ranges {
         scenario.ranges = ranges.clone();
     }
-    if args.latency.is_some() {
-        scenario.latency.clone_from(&args.latency);
-        scenario.check_latency().map_err(usage::wrong)?;
+    if args.latency.is_some() || args.robot.is_some() {
+        scenario.latency = args.latency.clone().or(scenario.latency);
+        scenario.robot = args.robot.or(scenario.robot);
+        scenario.check_motion().map_err(usage::wrong)?;
     }
     let filters = args.filters.scenario_filters()?;
     if !filters.is_empty() {
