@@ -47,6 +47,7 @@ fn frame(sequence: u64, rig: bool) -> Frame {
         calibration: None,
         recorded: None,
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
+        base: None,
         truth: Some(Truth::exact(truth, None)),
         floor: None,
         maps: Vec::new(),

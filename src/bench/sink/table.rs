@@ -201,6 +201,7 @@ impl RowIdentity {
                 near_distance_m: cell.surface.map(|surface| surface.distance_m),
                 near_px: cell.surface.map(|surface| surface.px.into()),
                 surface_probability: cell.surface.map(|surface| surface.probability),
+                free_m: None,
             }
         };
         estimate.grid.iter().enumerate().map(row).collect()

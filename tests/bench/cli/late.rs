@@ -8,15 +8,14 @@ fn arena() -> Fixture {
     fixture
 }
 
-const SCORE: &str = "score short.toml --algo v3 --algo truth --rerun none -q";
+const SCORE: &str = "score short.toml --algo v3 --algo truth --rerun none";
 
 #[test]
 fn an_answer_at_once_is_scored_as_its_pair_and_no_other_number_changes() {
     let fixture = arena();
     fixture.transcript(&format!(
         "{SCORE} -o plain
-        {SCORE} -o late --latency 0ms
-        compare plain late => late, points"
+        {SCORE} -o late --latency 0ms => late, %"
     ));
     let summary = |report: &str| fixture.json_file(&format!("{report}/summary.json"));
     let (plain, late) = (summary("plain"), summary("late"));
@@ -62,10 +61,10 @@ fn late_answers_are_in_tables_gates_and_comparisons() {
         score gated.toml --algo truth --rerun none -q -o gated --gate => 3: \
         truth: cells wrong on arrival | on arrival, at most 0.1 %
         score gated.toml --algo truth --print-scenario => latency_ms = 500
-        {SCORE} -o measured --latency measured => by their median time on this machine
+        {SCORE} -o measured --latency measured => 0~ late cells: v3 | by their median time on this
         cat measured/summary.json => /algorithms/0/right_late > 0.5
         {SCORE} -o part --latency measured --shard 1/1
-        report part -o whole => v3, truth: no late cells, as no latency is known"
+        report part -o whole => 0~ v3, truth: no late cells, as no latency is known"
     ));
     let wrong = |report: &str| {
         let summary = fixture.json_file(&format!("{report}/summary.json"));
@@ -93,7 +92,7 @@ fn a_latency_that_cannot_be_is_refused_and_one_without_cells_is_told() {
         score short.toml --latency 80 => 2: {expected}
         score small.toml --latency 80ms => 2: drive.latency_ms
         {SCORE} -o none --latency 9s => 2: {expected}
-        {SCORE} -o none --latency 9000ms => --latency: no cell is scored late, as that needs"
+        {SCORE} -o none --latency 9000ms => 0~ --latency: no cell is scored late, as that needs"
     ));
     for (key, words) in [
         (
@@ -116,7 +115,7 @@ fn a_latency_that_cannot_be_is_refused_and_one_without_cells_is_told() {
     }
     cells("latency_ms = { v3 = 120.5 }");
     fixture.transcript(
-        "score cells.toml --algo v3 --algo truth --rerun none -o each => late, % \
-        | truth: no late cells, as no latency is known; latency_ms under [cells] sets it",
+        "score cells.toml --algo v3 --algo truth --rerun none -o each => late, % => 0~ \
+        truth: no late cells, as no latency is known; latency_ms under [cells] sets it",
     );
 }

@@ -92,6 +92,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         near_distance_m: None,
         near_px: None,
         surface_probability: None,
+        free_m: None,
     }
 }
 

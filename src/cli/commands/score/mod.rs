@@ -21,9 +21,7 @@ use svl::outputs::{Outputs, write};
 use svl::report::{
     BuildOptions, BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit,
 };
-use svl::scenario::{
-    CellLatency, RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels,
-};
+use svl::scenario::{Latency, RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric, RobotSize};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
 
