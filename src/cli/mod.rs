@@ -26,7 +26,7 @@ pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// Threads to compute with; bench: numbers to compare, as 1,2,4 [default: one per core; bench: 1]
+    /// Threads to compute with [default: one per core; bench: 1, or some to compare, as 1,2,4]
     #[arg(
         long, global = true, value_name = "N", value_parser = usage::within(1..=1024u16),
         value_delimiter = ',', num_args = 1, action = clap::ArgAction::Set, help_heading = "Run"
