@@ -72,6 +72,13 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     // Limits are checked against the numbers afterwards; parts of a run have the same.
     ("description.gate", OF_ONE_RUN),
     ("description.grid", ALL),
+    ("description.cells.judge", ALL),
+    ("description.cells.tolerance_m", ALL),
+    ("description.cells.tolerance_percent", ALL),
+    ("description.cells.obstacle_m", ALL),
+    ("description.cells.clear_m", ALL),
+    ("description.cells.beyond_m", ALL),
+    ("description.cells.tolerance_px", ALL),
     // Only numbers of the report depend on it.
     ("description.cells.latency_ms", OF_ONE_RUN),
     ("description.robot", OF_ONE_RUN),
