@@ -79,7 +79,7 @@ const LINES: [(&str, usize); 16] = [
     ("python", 330),
     ("recording", 13982),
     ("report", 16376),
-    ("score", 9475),
+    ("score", 9482),
     ("sim", 3544),
     ("thesis", 2644),
     ("train", 3435),
