@@ -79,16 +79,25 @@ impl RunPhantoms {
     ) -> Result<Option<String>> {
         let records = plan.manifest.algorithms.iter();
         let mut labels: Vec<_> = records
-            .map(|own| (own.label.as_str(), &*own.name))
+            .map(|own| (own.label.as_str(), &*own.name, own.disparities))
             .collect();
-        labels.push((WITNESS, "v5"));
-        labels.sort_by_key(|(_, name)| !is_of_witness(name));
+        labels.push((WITNESS, "v5", None));
+        labels.sort_by_key(|(_, name, _)| !is_of_witness(name));
+        let pairs = run.facts.pairs.iter();
+        let infinities = pairs.filter_map(|pair| Some((pair.sequence, pair.infinity_px?)));
+        let infinities: BTreeMap<_, _> = infinities.collect();
         let v5 = labels[0].0;
         let mut reports: BTreeMap<_, Vec<WayReport>> = BTreeMap::new();
         let mut of_v5 = BTreeSet::new();
         let mut beyond = BTreeMap::new();
         let mut judged_of_v5 = 0u64;
-        for (label, _) in labels {
+        for (label, _, disparities) in labels {
+            // The nearest distance that the algorithm can report, by its range and this report.
+            let nearest_m = |cell: &CellRow| {
+                let infinity_px = f64::from(*infinities.get(&cell.sequence)?);
+                let end_px = f64::from(disparities?) - 1.0 - infinity_px;
+                Some(cell.distance_m? * (cell.median_px? - infinity_px) / end_px)
+            };
             for (_, unit) in run.units(label) {
                 let mut reader = UnitReader::open(unit, "", |table| table == "cells")?;
                 for cell in reader.take(None)?.cells {
@@ -102,7 +111,8 @@ impl RunPhantoms {
                     let far_m = (cell.state == Some(CellState::Far)).then_some(f64::INFINITY);
                     let known = cell.distance_m.or(far_m);
                     let is_sure = label != WITNESS || cell.probability >= Some(SURE);
-                    let Some(distance_m) = known.filter(|_| is_sure && limit_m > 0.0) else {
+                    let is_judged = is_sure && limit_m > nearest_m(&cell).unwrap_or(0.0);
+                    let Some(distance_m) = known.filter(|_| is_judged) else {
                         continue;
                     };
                     let is_phantom = distance_m < limit_m;
