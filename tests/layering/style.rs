@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 468),
     ("python", 330),
     ("recording", 13982),
-    ("report", 16376),
+    ("report", 16385),
     ("score", 9482),
     ("sim", 3544),
     ("thesis", 2644),
