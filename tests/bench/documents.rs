@@ -62,6 +62,14 @@ const PARSED: &[(&str, &str)] = &[
         "svl score depth.toml",
         "recording::recorded_depth follows the page",
     ),
+    (
+        "svl score scenarios/pieces.toml",
+        "takes minutes; cli::pieces has a short one",
+    ),
+    (
+        "svl score approach*.mcap",
+        "cli::pieces has such a recording",
+    ),
     ("svl train v5", "takes minutes; cli::train is a short one"),
     ("svl view", "opens a window"),
     (

@@ -665,6 +665,33 @@ pub const METRICS: &[Metric] = &[
         Neither,
         Fact(|_| None),
     ),
+    estimated(
+        "estimated_right",
+        EstimatedNumber::Right,
+        "estimated right cells",
+        "right",
+    )
+    .unit(Share, More)
+    .note_on(
+        "estimated",
+        "errors without truth, by how far a report is from v5's, in tolerances, and how sure \
+             v5 is: wrong cells of the known ones, of those that v5 is sure of, and right cells of \
+             all; \"at most\" is promised, \"about\" is not: docs/no-truth.md",
+    ),
+    estimated(
+        "estimated_wrong",
+        EstimatedNumber::Wrong,
+        "estimated wrong cells",
+        "wrong",
+    )
+    .unit(Share, Less),
+    estimated(
+        "estimated_sure_wrong",
+        EstimatedNumber::SureWrong,
+        "estimated wrong cells where v5 is sure",
+        "sure, wrong",
+    )
+    .unit(Share, Less),
     way("phantom_way", "way with phantoms", "phantom way")
         .part("phantom_way_m", Less, Fact(|_| None))
         .over(WAY_M)
@@ -700,33 +727,6 @@ pub const METRICS: &[Metric] = &[
         "own body",
     )
     .sum("phantoms_of_body", Neither, Fact(|_| None)),
-    estimated(
-        "estimated_right",
-        EstimatedNumber::Right,
-        "estimated right cells",
-        "right",
-    )
-    .unit(Share, More)
-    .note_on(
-        "estimated",
-        "errors without truth, by how far a report is from v5's, in tolerances, and how sure \
-             v5 is: wrong cells of the known ones, of those that v5 is sure of, and right cells of \
-             all; \"at most\" is promised, \"about\" is not: docs/no-truth.md",
-    ),
-    estimated(
-        "estimated_wrong",
-        EstimatedNumber::Wrong,
-        "estimated wrong cells",
-        "wrong",
-    )
-    .unit(Share, Less),
-    estimated(
-        "estimated_sure_wrong",
-        EstimatedNumber::SureWrong,
-        "estimated wrong cells where v5 is sure",
-        "sure, wrong",
-    )
-    .unit(Share, Less),
     metric("reach", "reach of the narrowest test piece", "", "reach, m")
         .origin(MetricOrigin::Pieces { column: "reach_m" })
         .unit(M, More)
