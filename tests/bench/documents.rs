@@ -67,6 +67,10 @@ const PARSED: &[(&str, &str)] = &[
         "takes minutes; cli::pieces has a short one",
     ),
     (
+        "svl score scenarios/arena.toml --algo v5 --algo \"net=exec",
+        "needs a network; cli::adapters has one",
+    ),
+    (
         "svl score approach*.mcap",
         "cli::pieces has such a recording",
     ),
