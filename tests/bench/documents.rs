@@ -67,7 +67,7 @@ const PARSED: &[(&str, &str)] = &[
         "takes minutes; cli::pieces has a short one",
     ),
     (
-        "svl score scenarios/arena.toml --algo v5 --algo \"net=exec",
+        "svl score arena --algo v5 --algo \"net=exec",
         "needs a network; cli::adapters has one",
     ),
     (
