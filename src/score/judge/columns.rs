@@ -157,11 +157,11 @@ mod tests {
             NoTruth,
             &[
                 "known",
-                "phantom_way",
-                "phantoms",
                 "estimated_right",
                 "estimated_wrong",
                 "estimated_sure_wrong",
+                "phantom_way",
+                "phantoms",
                 "passed",
                 "time",
             ],
