@@ -430,6 +430,7 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
             0.0,
         )?)),
         pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
+        base: None,
         truth: Some(stereo::Truth::exact(
             stereo::Plane::filled(6, 4, 2.5)?,
             None,
