@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Two programs that are exchangeable by construction, compared 60 times, for docs/method.md:
+# Two programs that are exchangeable by construction, compared 60 times, for docs/results/README.md:
 #   bash docs/results/coin.sh
 # A drive of 280 pairs, in 20 blocks, is scored by four algorithms. Per pair of algorithms, a coin per 1, 7, 14, 28 or 40
 # neighbouring pairs says whose results go to the one program and whose to the other. Then the second program loses

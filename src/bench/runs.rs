@@ -234,6 +234,14 @@ pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Resul
             RunSource::from_recording(run, open(run_request(scenario, run)?, console)?)?
         }
     };
+    // A sensor may have no measurement of the first pair.
+    if scenario.piece.is_some() && !run.has_truth && scenario.options.truth.is_none() {
+        return Err(Error::Invalid(format!(
+            "{}: a test piece is found in the truth: --truth with a depth image, or a board on the \
+             piece",
+            run.title(name)
+        )));
+    }
     let judge = run.judge(&scenario.judge())?;
     Ok(ScoredSource::Opened(Box::new((run, judge))))
 }

@@ -305,7 +305,7 @@ impl Report<'_> {
         Ok(names.collect::<BTreeSet<_>>().into_iter().collect())
     }
 
-    /// Cautions of late cells, and why there are none.
+    /// Cautions of late cells, and the reason if no cell is scored late.
     fn untold_latency(&self, summary: &Results) -> Vec<String> {
         let mut cautions = self.latencies.cautions(self.plan, self.runs);
         let late = Metric::find("right_late").into_iter();

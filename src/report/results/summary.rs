@@ -125,7 +125,7 @@ pub struct ReportTables {
     /// Pairs of approaches to test pieces, and what they add up to.
     pub sights: Vec<SightRow>,
     pub pieces: Vec<PieceRow>,
-    /// What is doubtful of the ways that robots drove.
+    /// Doubts of the ways that robots drove.
     pub warnings: Vec<String>,
     pub drives: Vec<DriveRow>,
     pub tracks: Vec<TrackRow>,

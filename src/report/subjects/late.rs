@@ -284,7 +284,7 @@ mod tests {
         let known = || Some(cell(Some(1.0), Some(1.0), CellArea::Obstacle));
         let without = || Some(cell(Some(1.0), None, CellArea::Obstacle));
         let right = |parts| [shares([parts, 0.0, 0.0]), NONE];
-        // A pair without a truth is none of the two.
+        // A pair without a truth is left out.
         let found = told(50.0, &[(0, known()), (100, without()), (200, known())]);
         assert_eq!(found, [[NONE; 2], [NONE; 2], right(2.0)]);
         // But an answer at once is of its own pair alone.

@@ -72,7 +72,7 @@ impl Latencies {
         }
     }
 
-    /// What a reader has to know of them: those that were measured, and who has none.
+    /// Notes on them: those that were measured, and the algorithms without one.
     pub(crate) fn cautions(&self, plan: &ReportPlan, runs: &[RunUnits]) -> Vec<String> {
         let (mut known, mut unknown) = (Vec::new(), Vec::new());
         for own in plan.manifest.algorithms.iter().filter(|_| self.are_asked()) {

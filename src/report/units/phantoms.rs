@@ -23,7 +23,7 @@ const MIN_REPORTS: usize = 8;
 const MIN_ALIKE: f64 = 0.8;
 const ALIKE: f64 = 0.02;
 
-/// What the way of a run says of its cells and their reports.
+/// The cells of a run and their reports, by the way that the robot drove.
 #[derive(Default)]
 pub(crate) struct RunPhantoms {
     shape: GridShape,
@@ -32,7 +32,7 @@ pub(crate) struct RunPhantoms {
     /// By algorithm and pair: reports in cells with a bound, and of these phantoms, those that v5
     /// reports, too, and those in cells of the own body.
     counts: BTreeMap<(String, u64), [f64; 4]>,
-    /// Why there are none, or what is doubtful.
+    /// The reason why nothing is judged, or a doubt.
     pub(crate) warning: Option<String>,
 }
 

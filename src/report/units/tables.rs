@@ -214,61 +214,29 @@ pub fn collect_tables(
         let phantoms = robot.map(|robot| RunPhantoms::new(plan, run, &rule, robot));
         let phantoms = phantoms.transpose()?.unwrap_or_default();
         tables.warnings.extend(phantoms.warning.clone());
-        let mut collect =
-            |mut rows: UnitRows, pair: Option<(&PairFacts, Option<UnitRows>)>| -> Result<()> {
-                if let Some((pair, seen)) = pair {
-                    if let Some(plain) = &mut plain {
-                        let cells = [plain.for_pair(pair.sequence)?, &rows.cells];
-                        rule.add_kept(&mut rows.rows, cells, pair.infinity_px);
-                    }
-                    numbers.add(&mut rows, pair, seen);
-                    phantoms.tell(&mut rows.rows, &mut rows.cells);
+        let mut collect = |mut rows: UnitRows, pair: Option<ReadPair<'_>>| -> Result<()> {
+            if let Some(ReadPair { facts, seen }) = pair {
+                if let Some(plain) = &mut plain {
+                    let cells = [plain.for_pair(facts.sequence)?, &rows.cells];
+                    rule.add_kept(&mut rows.rows, cells, facts.infinity_px);
                 }
-                take(TakenRows {
-                    rows: &rows.rows,
-                    cells: rows.cells,
-                    failures: &rows.failures,
-                })?;
-                tallies.add(&rows.rows, &rows.frames);
-                tables.failures.extend(rows.failures);
-                tables.rows.extend(rows.rows);
-                tables.drives.extend(rows.drives);
-                tables.tracks.extend(rows.tracks);
-                tables.sights.extend(rows.sights);
-                Ok(())
-            };
-        // The truth of the cells is that of the first algorithm: all have the same.
-        let is_read = |first: bool, table: &str| match table {
-            "cells" => has_cells,
-            "truths" => has_cells && first,
-            _ => true,
+                numbers.add(&mut rows, facts, seen);
+                phantoms.tell(&mut rows.rows, &mut rows.cells);
+            }
+            take(TakenRows {
+                rows: &rows.rows,
+                cells: rows.cells,
+                failures: &rows.failures,
+            })?;
+            tallies.add(&rows.rows, &rows.frames);
+            tables.failures.extend(rows.failures);
+            tables.rows.extend(rows.rows);
+            tables.drives.extend(rows.drives);
+            tables.tracks.extend(rows.tracks);
+            tables.sights.extend(rows.sights);
+            Ok(())
         };
-        for block in 0..run.blocks(plan) {
-            let units = plan.labels().into_iter();
-            let units = units.filter_map(|label| run.unit(label, block));
-            let readers = units
-                .enumerate()
-                .map(|(n, unit)| UnitReader::open(unit, scenario, |table| is_read(n == 0, table)));
-            let mut readers = readers.collect::<Result<Vec<_>>>()?;
-            if plan.is_driven() {
-                for reader in &mut readers {
-                    collect(reader.take(None)?, None)?;
-                }
-                continue;
-            }
-            let seen = run.unit(WITNESS, block).filter(|_| has_cells);
-            let seen = seen.map(|unit| UnitReader::open(unit, scenario, |table| table == "cells"));
-            let mut seen = seen.transpose()?;
-            let pairs = run.facts.pairs.iter().skip((block * BLOCK) as usize);
-            for pair in pairs.take(BLOCK as usize) {
-                let mut rows = UnitRows::default();
-                for reader in &mut readers {
-                    rows.append(reader.take(Some(pair.sequence))?);
-                }
-                let seen = seen.as_mut().map(|own| own.take(Some(pair.sequence)));
-                collect(rows, Some((pair, seen.transpose()?)))?;
-            }
-        }
+        read_run(plan, run, has_cells, &mut collect)?;
         numbers.witness.end_run();
         let key = &run.run;
         for unit in run.all().filter(|_| key.stress.is_none() && has_cells) {
@@ -301,6 +269,56 @@ pub fn collect_tables(
         tables.estimates = witness.into_rows(plan.labels(), |label| plan.why_no_estimate(label));
     }
     Ok(tables)
+}
+
+/// A pair whose rows are read, with the cells of the witness, if there is one.
+struct ReadPair<'a> {
+    facts: &'a PairFacts,
+    seen: Option<UnitRows>,
+}
+
+/// Reads the units of a run: the rows of all algorithms, pair by pair, or those of each drive.
+fn read_run(
+    plan: &ReportPlan,
+    run: &RunUnits,
+    has_cells: bool,
+    mut collect: impl FnMut(UnitRows, Option<ReadPair<'_>>) -> Result<()>,
+) -> Result<()> {
+    let scenario = &plan.manifest.scenario;
+    // The truth of the cells is that of the first algorithm: all have the same.
+    let is_read = |first: bool, table: &str| match table {
+        "cells" => has_cells,
+        "truths" => has_cells && first,
+        _ => true,
+    };
+    for block in 0..run.blocks(plan) {
+        let units = plan.labels().into_iter();
+        let units = units.filter_map(|label| run.unit(label, block));
+        let readers = units
+            .enumerate()
+            .map(|(n, unit)| UnitReader::open(unit, scenario, |table| is_read(n == 0, table)));
+        let mut readers = readers.collect::<Result<Vec<_>>>()?;
+        if plan.is_driven() {
+            for reader in &mut readers {
+                collect(reader.take(None)?, None)?;
+            }
+            continue;
+        }
+        let seen = run.unit(WITNESS, block).filter(|_| has_cells);
+        let seen = seen.map(|unit| UnitReader::open(unit, scenario, |table| table == "cells"));
+        let mut seen = seen.transpose()?;
+        let pairs = run.facts.pairs.iter().skip((block * BLOCK) as usize);
+        for facts in pairs.take(BLOCK as usize) {
+            let mut rows = UnitRows::default();
+            for reader in &mut readers {
+                rows.append(reader.take(Some(facts.sequence))?);
+            }
+            let seen = seen.as_mut().map(|own| own.take(Some(facts.sequence)));
+            let seen = seen.transpose()?;
+            collect(rows, Some(ReadPair { facts, seen }))?;
+        }
+    }
+    Ok(())
 }
 
 /// The cells of the unperturbed pairs of a perturbed run, a block at a time.

@@ -1018,7 +1018,7 @@ impl Metric {
         matches!(self.origin, MetricOrigin::Drives(_))
     }
 
-    /// True if its column contains whole numbers: parts of cells are none.
+    /// True if its column contains whole numbers, not parts of cells.
     pub fn counts(&self) -> bool {
         let share = |(_, total)| total == MetricTotal::Share && !self.is_of_motion();
         self.unit == Count || self.column().is_some_and(share)

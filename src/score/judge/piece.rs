@@ -203,7 +203,9 @@ impl TestPiece {
         let mirrored = shape.iter().enumerate().map(|(i, (column, row))| {
             let [own, other, _] = counts[i];
             let opposite = row * shape.columns + shape.columns - 1 - column;
-            own == 0 && other == 0 && view.witnesses[opposite]
+            // Nothing is known to be free without a truth.
+            let is_free = own == 0 && other == 0 && view.nearest_m[i].is_some();
+            is_free && view.witnesses[opposite]
         });
         view.mirrored = mirrored.collect();
         Some(view)
@@ -344,5 +346,104 @@ impl PieceView {
                 medians.any(|(i, (_, median))| self.is_witness(i) && agrees(own(median.depth)));
         }
         sight
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::depth;
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
+
+    const SIZE: (usize, usize) = (40, 20);
+    /// Cells of four columns.
+    const SHAPE: GridShape = GridShape {
+        columns: 10,
+        rows: 1,
+    };
+    const PIECE: TestPiece = TestPiece {
+        size_m: [0.06, 0.16],
+        near_m: 0.5,
+        is_only_object: false,
+    };
+
+    fn rig() -> Rig {
+        Rig::new(100.0, (20.0, 10.0), 0.1, 0.0).unwrap()
+    }
+
+    /// A wall at 4 m, with things before it: columns, rows and distance of each.
+    fn map(things: &[(std::ops::Range<usize>, std::ops::Range<usize>, f32)]) -> Plane<f32> {
+        Plane::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let mut things = things.iter();
+            let own = things.find(|own| own.0.contains(&x) && own.1.contains(&y));
+            10.0 / own.map_or(4.0, |own| own.2)
+        })
+        .unwrap()
+    }
+
+    fn frame(truth: Plane<f32>) -> Frame {
+        let image = Gray::from_fn(SIZE.0, SIZE.1, |_, _| 0).unwrap();
+        let pair = StereoPair::new(image.clone(), image).unwrap();
+        Frame {
+            truth: Some(Truth::exact(truth, None)),
+            ..Frame::new(pair, Geometry::Rectified(Some(rig())))
+        }
+    }
+
+    /// How a report sees the piece at 1 m in columns 4 to 10.
+    fn sight(reported: &Plane<f32>) -> PieceSight {
+        let rule = CellRule::default();
+        let frame = frame(map(&[(4..10, 2..18, 1.0)]));
+        let view = PIECE.view(&frame, SHAPE, rule).unwrap();
+        assert_eq!(view.distance_m, Some(1.0));
+        let shown = (0..10).filter(|cell| view.shown_m(*cell).is_some());
+        assert_eq!(shown.collect::<Vec<_>>(), [1, 2]);
+        let truth = TrueCells::new(&frame, SHAPE, rule);
+        let grid = depth::grid(reported, SHAPE.into(), Some(&rig()));
+        view.sight(&grid, truth.as_ref(), rule)
+    }
+
+    #[test]
+    fn a_piece_is_seen_by_its_own_cells_and_by_chance_by_the_mirrored_ones() {
+        let exact = PieceSight {
+            is_seen: true,
+            exact_sees: true,
+            ..PieceSight::default()
+        };
+        assert_eq!(sight(&map(&[(4..10, 2..18, 1.0)])), exact);
+        // The tolerance is 0.2 m.
+        assert!(sight(&map(&[(4..8, 2..18, 1.19)])).is_seen);
+        assert!(!sight(&map(&[(4..8, 2..18, 1.3)])).is_seen);
+        let wall = sight(&map(&[]));
+        assert!(!wall.is_seen && wall.false_cells == 0);
+        let mirrored = sight(&map(&[(28..36, 0..20, 1.0)]));
+        assert!(!mirrored.is_seen && mirrored.is_by_chance);
+        assert_eq!((mirrored.false_cells, mirrored.is_stop), (2, false));
+        // Ahead, and nearer than clear space.
+        let ahead = sight(&map(&[(16..20, 0..20, 0.6)]));
+        assert_eq!((ahead.false_cells, ahead.is_stop), (1, true));
+        let far_ahead = sight(&map(&[(16..20, 0..20, 0.8)]));
+        assert_eq!((far_ahead.false_cells, far_ahead.is_stop), (1, false));
+    }
+
+    #[test]
+    fn only_one_region_of_the_size_is_the_piece() {
+        let found = |things: &[_]| {
+            let view = PIECE.view(&frame(map(things)), SHAPE, CellRule::default());
+            view.unwrap().distance_m
+        };
+        let own = (4..10, 2..18, 1.0);
+        // Wider, lower, and two of it.
+        assert_eq!(found(&[(4..18, 2..18, 1.0)]), None);
+        assert_eq!(found(&[(4..10, 2..5, 1.0)]), None);
+        assert_eq!(found(&[own.clone(), (30..36, 2..18, 1.0)]), None);
+        assert_eq!(found(&[own.clone(), (20..34, 2..18, 1.5)]), Some(1.0));
+        // Floor as near at its foot: the part above it stands out.
+        let view = PIECE.view(
+            &frame(map(&[own, (0..40, 14..20, 1.0)])),
+            SHAPE,
+            CellRule::default(),
+        );
+        assert_eq!(view.unwrap().distance_m, Some(1.0));
     }
 }

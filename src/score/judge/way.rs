@@ -20,7 +20,7 @@ const MAX_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// Shortest way ahead of a pair that is looked at.
 const MIN_WAY_M: f64 = 0.05;
 /// Longest time between two poses next to each other, and highest speed, as a multiple of the 95th
-/// percentile: beyond, poses jump. A shorter step is none.
+/// percentile: beyond, poses jump. A shorter step frees nothing.
 const MAX_GAP_NS: u64 = 500_000_000;
 const MAX_SPEEDS: f64 = 2.0;
 const MIN_STEP_M: f64 = 0.001;
@@ -34,7 +34,7 @@ const FIRST_M: f64 = 0.06;
 const DEPTH_STEP_M: f64 = 0.01;
 /// Rays along a side of a cell, and of one of many.
 const RAYS: usize = 6;
-const FEW_RAYS: usize = 4;
+const RAYS_OF_MANY_CELLS: usize = 4;
 const MANY_CELLS: usize = 100;
 
 /// Width and height of a robot's body: `[robot]` of a scenario, `0.50x0.40` on the command line.
@@ -141,7 +141,7 @@ pub struct DrivenWay {
     max_speed: f64,
 }
 
-/// What the way ahead of a pair says of its cells.
+/// The cells of a pair by the way ahead of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WayBounds {
     /// The way to the next pair, metres.
@@ -269,7 +269,7 @@ impl DrivenWay {
             .as_ref()
             .filter(|_| way_m >= MIN_WAY_M)?;
         let side = if shape.cells() > MANY_CELLS {
-            FEW_RAYS
+            RAYS_OF_MANY_CELLS
         } else {
             RAYS
         };

@@ -119,3 +119,32 @@ fn a_latency_that_cannot_be_is_refused_and_one_without_cells_is_told() {
         truth: no late cells, as no latency is known; latency_ms under [cells] sets it",
     );
 }
+
+/// A report nearer than what the body drove through later is a phantom, exact distances are none.
+#[test]
+fn what_the_robot_drove_through_was_free() {
+    let fixture = Fixture::new();
+    fixture.record_short_arena("own.mcap", 24, 1);
+    // 0.24 m everywhere.
+    let near = [
+        b"Pf\n320 240\n-1\n",
+        &60.0_f32.to_le_bytes().repeat(320 * 240)[..],
+    ]
+    .concat();
+    for i in 0..24 {
+        fixture.write(&format!("out/{i:04}.pfm"), &near);
+    }
+    let score = "score own.mcap --algo near=files:out/*.pfm --algo truth --rerun none";
+    fixture.transcript(&format!(
+        "{score} --robot 0.08x0.11 -o a => truth: phantoms in 0 of | near: phantoms in
+        {score} --robot 0.08x0.02 -o b => 0~ outside a body of 0.08x0.02 m
+        {score} --robot 0.08 => 2: expected WIDTHxHEIGHT"
+    ));
+    let summary = fixture.json_file("a/summary.json");
+    let counts = |name: &str| {
+        let mut own = summary["algorithms"].as_array().unwrap().iter();
+        let own = own.find(|own| own["algorithm"] == name).unwrap();
+        ["phantoms", "phantoms_of_body", "way_cells"].map(|key| own[key].as_f64().unwrap())
+    };
+    println!("{:?} {:?}", counts("near"), counts("truth"));
+}

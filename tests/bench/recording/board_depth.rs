@@ -80,7 +80,7 @@ fn the_page_without_truth_tells_the_better_depth() {
         .flat_map(|rest| rest.split_once("```").unwrap().0.lines())
         .collect();
     let expected = [
-        // What lies around the board is plain.
+        // The wall behind the board is plain.
         "depth estimated: | v5 is sure in | a board or labels help",
         // Which is better, by how much, and that it is sure.
         "Best: camera by right | over 10 % wrong (node | on it alone",

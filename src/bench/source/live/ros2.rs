@@ -329,7 +329,7 @@ impl Receiver {
         is_raw(frame.geometry) && !(is_raw(geometry) && is_alike)
     }
 
-    /// What the network and the queue lost so far, and the unreadable.
+    /// Losses so far of the network and the queue, and the unreadable.
     fn losses(&self) -> Losses {
         let mut lost = self.inbox.lost().map(|(_, lost)| lost);
         let [left, right] = [(); 2].map(|()| lost.next().unwrap_or(0));
