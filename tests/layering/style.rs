@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13903),
+    ("bench", 13910),
     ("c", 478),
     ("calibrate", 4988),
     ("cli", 11220),
@@ -78,8 +78,8 @@ const LINES: [(&str, usize); 16] = [
     ("live", 468),
     ("python", 330),
     ("recording", 13982),
-    ("report", 16385),
-    ("score", 9482),
+    ("report", 16399),
+    ("score", 9483),
     ("sim", 3544),
     ("thesis", 2644),
     ("train", 3435),

@@ -129,7 +129,7 @@ fn a_piece_is_found_in_the_truth_of_a_recording() {
         score own.mcap --piece 9x0.2 --algo v5 => 2: a side is 0.005 to 5 m
         score own.mcap --piece 0.005x0.2 --near 1 --algo v5 -o d => 1~ px wide | at least 3 px
         record own.mcap --ros2 -q -o bag.mcap
-        score bag.mcap --piece 0.1x0.2 --algo v5 -o d => 1: bag: a test piece is found in the truth \
+        score bag.mcap --piece 0.1x0.2 --algo v5 -o d => 1: bag.mcap: a test piece \
         | --truth with a depth image
         score arena --piece 0.1x0.2 => 2: is of recordings | sizes_m of [piece]",
     );
