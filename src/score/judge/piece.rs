@@ -95,18 +95,34 @@ impl PieceConfig {
         }
     }
 
+    /// The number of the piece of the run with that seed, or of a recording.
+    pub fn number(&self, seed: Option<u64>) -> usize {
+        (seed.unwrap_or_default() % self.sizes_m.len() as u64) as usize
+    }
+
     /// The piece of the run with that seed, or of a recording.
     pub fn piece(&self, seed: Option<u64>, rule: CellRule) -> TestPiece {
-        let place = seed.unwrap_or_default() % self.sizes_m.len() as u64;
         TestPiece {
-            size_m: self.sizes_m[place as usize],
+            size_m: self.sizes_m[self.number(seed)],
             near_m: self.near_m.unwrap_or(rule.obstacle_and_clear_m().0),
             is_only_object: seed.is_some(),
         }
     }
 }
 
+/// Width and height, as `10 x 20 cm`.
+pub fn size_words(size_m: [f64; 2]) -> String {
+    let [width, height] = size_m.map(|m| (1000.0 * m).round() / 10.0);
+    format!("{width} x {height} cm")
+}
+
 impl TestPiece {
+    /// The distance of the piece in a frame that does not show it to an algorithm, if it counts.
+    pub fn unseen_m(&self, view: &PieceView, sight: &PieceSight) -> Option<f64> {
+        let counts = |m: &f64| *m > self.near_m && !sight.is_seen;
+        view.distance_m.filter(counts)
+    }
+
     /// Refuses a frame in which no piece can be found.
     ///
     /// # Errors
