@@ -23,7 +23,7 @@ use svl_recording::{
     CameraFacts, Header, Recording, StampOrigin, StreamFacts, TRUTH_DEPTH, is_bag, is_recording,
 };
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
-use svl_sim::arena::{Arena, RandomScenes};
+use svl_sim::arena::Arena;
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
@@ -385,10 +385,9 @@ pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
             scenario.name
         )));
     };
-    let source = ArenaSource::new(Arena::new(config, seed)?, seed);
-    let is_on_floor = !config.random.is_some_and(RandomScenes::are_layers);
+    let arena = Arena::new(config, seed)?;
     let header = Header {
-        camera_height_m: is_on_floor.then_some(config.rig.above_floor_m),
+        camera_height_m: arena.above_floor_m(),
         scenario: Some(scenario.name.clone()),
         seed: Some(seed),
         hash: Some(ArenaSource::hash(config, seed)),
@@ -396,7 +395,11 @@ pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
     };
     Ok(Opened {
         scenario: Some(scenario.text.clone()),
-        ..Opened::new(source, header, format!("{}-seed{seed}", scenario.name))
+        ..Opened::new(
+            ArenaSource::new(arena, seed),
+            header,
+            format!("{}-seed{seed}", scenario.name),
+        )
     })
 }
 
@@ -631,6 +634,19 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_random_world_tells_the_height_of_its_own_cameras() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let scenario = Scenario::read(&folder.join("worlds.toml")).unwrap();
+        for seed in [1001, 1002, 1003] {
+            let mut opened = open_arena(&scenario, seed).unwrap();
+            let told_m = opened.header.camera_height_m.unwrap();
+            let frame = opened.source.next().unwrap().unwrap();
+            let camera_m = frame.pose.unwrap().translation.z;
+            assert!((told_m - camera_m).abs() < 0.01, "{told_m} {camera_m}");
+        }
+    }
 
     /// The sources without files, each with a name.
     fn without_files() -> impl Iterator<Item = (&'static SourceKind, &'static str)> {
