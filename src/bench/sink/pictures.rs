@@ -15,7 +15,7 @@ use svl_report::units::{
 };
 use svl_score::judge::{
     AreaChoice, Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate,
-    MetricSource as _, TrueCells,
+    MetricSource as _, TestPiece, TrueCells, size_words,
 };
 
 /// Largest width of a frame's picture, pixels.
@@ -31,6 +31,7 @@ const MAX_SCENE_WIDTH: usize = 200;
 pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,
     cells: CellRule,
+    piece: Option<TestPiece>,
     /// Stamp of the first pair; absent if stamps are placeholders.
     start_ns: Option<u64>,
     /// True if the pairs are perturbed, so that none is shown.
@@ -205,6 +206,7 @@ impl BlockShots {
         Self {
             checkpoints: start.judge.checkpoints.clone(),
             cells: start.judge.cells,
+            piece: start.judge.piece(),
             start_ns: (!start.judge.run.is_untimed).then_some(start.judge.run.start_ns),
             is_perturbed: start.judge.run.stress.is_some(),
             ..Self::default()
@@ -362,8 +364,20 @@ impl BlockShots {
             None => (Heading::Frame(self.figure(identity, judged)), MAX_WIDTH),
         };
         let shared = self.shared(place, judged, width);
-        let shot = RawShot::new(identity, judged, scored, shared);
+        let mut shot = RawShot::new(identity, judged, scored, shared);
+        let unseen = self.piece.zip(self.unseen_m(judged, scored));
+        let words = |(piece, m): (TestPiece, f64)| {
+            let size = size_words(piece.size_m);
+            format!("{size} at {m:.2} m is not seen")
+        };
+        shot.shot.failures.extend(unseen.map(words));
         RawFrame { heading, shot }
+    }
+
+    /// The distance of the test piece that an estimate does not show.
+    fn unseen_m(&self, judged: &Judged, scored: &JudgedEstimate) -> Option<f64> {
+        let (piece, view) = self.piece.as_ref().zip(judged.piece.as_ref())?;
+        piece.unseen_m(view, scored.sight.as_ref()?)
     }
 
     /// Takes the frame if it may be one of the worst of its algorithm.
@@ -374,9 +388,11 @@ impl BlockShots {
         judged: &Judged,
         scored: &JudgedEstimate,
     ) {
-        let Some(badness) = badness(scored, self.cells) else {
+        let Some(mut badness) = badness(scored, self.cells) else {
             return;
         };
+        let unseen_m = self.unseen_m(judged, scored);
+        badness.unseen = unseen_m.map_or(0.0, f64::recip);
         let is_scene = scene_name(identity, judged).is_some();
         let frame = WorstFrame {
             badness,
@@ -436,6 +452,7 @@ fn badness(scored: &JudgedEstimate, rule: CellRule) -> Option<Badness> {
     let errors = errors.filter(|(judged, _)| AreaChoice::default().has(judged.area));
     let errors = errors.filter_map(|(judged, (_, cell))| judged.error_in_tolerances(cell, rule));
     Some(Badness {
+        unseen: 0.0,
         missed: cells.iter().filter(|cell| cell.near.missed).count() as u64,
         wrong: scored.metrics.get("wrong")? as u64,
         // JSON has no infinity.

@@ -6,7 +6,7 @@ use crate::rows::records::record;
 use crate::rows::samples::grouped;
 use std::collections::BTreeMap;
 use svl_core::statistics::lower_median;
-use svl_score::judge::{Cases, Measured};
+use svl_score::judge::{Cases, Measured, size_words};
 
 record! {
     #[derive(Default)]
@@ -289,12 +289,6 @@ pub(crate) fn seen_shares(rows: &[SightRow]) -> Vec<SeenShares> {
 /// Width and height of a row's piece, tenths of a millimetre.
 fn size(row: &SightRow) -> [u64; 2] {
     [row.width_m, row.height_m].map(|m| (1e4 * m).round() as u64)
-}
-
-/// Width and height, as `10 x 20 cm`.
-fn size_words(size_m: [f64; 2]) -> String {
-    let [width, height] = size_m.map(|m| (1000.0 * m).round() / 10.0);
-    format!("{width} x {height} cm")
 }
 
 #[cfg(test)]

@@ -255,8 +255,15 @@ pub fn wrong(probability: f64, difference: f64) -> f64 {
 }
 
 /// Difference of a report from that of the witness, in tolerances; `None` unless both know the
-/// cell.
-fn difference(own: &CellRow, witness: &CellRow, rule: CellRule, infinity_px: f64) -> Option<f64> {
+/// cell. `floor_m`: the distance of the floor where it is floor, for matchers see its far part alone
+/// if the near one is nearer than their ranges.
+fn difference(
+    own: &CellRow,
+    witness: &CellRow,
+    floor_m: Option<f64>,
+    rule: CellRule,
+    infinity_px: f64,
+) -> Option<f64> {
     let (px, witness_px) = (own.median_px?, witness.median_px?);
     let is_far = |cell: &CellRow| cell.state == Some(CellState::Far);
     Some(match (is_far(own), is_far(witness)) {
@@ -268,7 +275,7 @@ fn difference(own: &CellRow, witness: &CellRow, rule: CellRule, infinity_px: f64
         _ => match rule {
             CellRule::Disparity { tolerance_px } => (px - witness_px).abs() / tolerance_px,
             CellRule::Distance { .. } => {
-                let (m, witness_m) = (own.distance_m?, witness.distance_m?);
+                let (m, witness_m) = (own.distance_m?, floor_m.or(witness.distance_m)?);
                 (m - witness_m).abs() / rule.tolerance_at_m(witness_m)
             }
         },
@@ -352,7 +359,9 @@ impl WitnessTally {
             }
             let own = self.algorithms.get_mut(&cell.algorithm).expect("is there");
             let area = area(seen, rule, pair.floor.as_ref());
-            let difference = difference(cell, seen, rule, infinity_px);
+            let floor = pair.floor.filter(|_| area == CellArea::Floor);
+            let floor_m = floor.and_then(|own| own.distance_m(place(cell)));
+            let difference = difference(cell, seen, floor_m, rule, infinity_px);
             let compared = difference.zip(seen.probability);
             for choice in AreaChoice::ALL
                 .into_iter()
@@ -461,11 +470,20 @@ impl FloorRays {
         }
     }
 
-    /// True if what is at that distance in the middle of a cell is floor.
-    fn is_floor(&self, (column, row): (u32, u32), distance_m: f64) -> bool {
+    /// Change of the height per metre of distance in the middle of a cell.
+    fn slope(&self, (column, row): (u32, u32)) -> f64 {
         let [first, right, down] = self.slopes;
-        let slope = first + f64::from(column) * right + f64::from(row) * down;
-        self.camera_height_m + slope * distance_m < self.limit_m
+        first + f64::from(column) * right + f64::from(row) * down
+    }
+
+    /// True if what is at that distance in the middle of a cell is floor.
+    fn is_floor(&self, place: (u32, u32), distance_m: f64) -> bool {
+        self.camera_height_m + self.slope(place) * distance_m < self.limit_m
+    }
+
+    /// Distance of the floor in the middle of a cell, unless it is above the horizon.
+    fn distance_m(&self, place: (u32, u32)) -> Option<f64> {
+        Some(-self.camera_height_m / self.slope(place)).filter(|m| *m > 0.0)
     }
 }
 
@@ -648,13 +666,45 @@ mod tests {
     fn far_cells_agree_up_to_the_tolerance_of_far_ones() {
         let between = |own: Option<f64>, seen: f64| {
             let [own, seen] = [own, Some(seen)].map(|px| cell("", 0, px, None));
-            difference(&own, &seen, RULE, 0.0)
+            difference(&own, &seen, None, RULE, 0.0)
         };
         assert_eq!(between(Some(0.0), 0.0), Some(0.0));
         assert_eq!(between(Some(0.0), 3.0), Some(1.5));
         assert_eq!(between(Some(3.0), 0.0), Some(1.5));
         assert_eq!(between(Some(3.0), 4.0), Some(0.5));
         assert_eq!(between(None, 4.0), None);
+    }
+
+    /// Both see the far half of a cell of floor, whose near one is nearer than their ranges.
+    #[test]
+    fn a_report_of_floor_is_compared_with_its_plane() {
+        let floor = FloorRays {
+            camera_height_m: 0.1,
+            limit_m: 0.03,
+            slopes: [0.0, 0.0, -0.1],
+        };
+        let place = |row| floor.distance_m((0, row));
+        assert_eq!([0, 1, 2].map(place), [None, Some(1.0), Some(0.5)]);
+        let at = |m: f64, probability| CellRow {
+            row: 1,
+            distance_m: Some(m),
+            ..cell("a", 0, Some(9.0), probability)
+        };
+        let estimated = |floor: Option<FloorRays>| {
+            let mut tally = WitnessTally::new(CellRule::default());
+            let pair = ComparedPair {
+                infinity_px: Some(0.0),
+                floor,
+                ..ComparedPair::default()
+            };
+            tally.add(&pair, &[at(1.3, None)], &[at(1.15, Some(0.995))]);
+            tally.algorithms["a"].areas.map(|own| own.classes[0].wrong)
+        };
+        let area = |choice| AreaChoice::ALL.iter().position(|own| *own == choice);
+        let (all, own) = (area(AreaChoice::All), area(AreaChoice::Floor));
+        let (with, without) = (estimated(Some(floor)), estimated(None));
+        assert_eq!((with[all.unwrap()], with[own.unwrap()]), (0.97, 0.97));
+        assert_eq!((without[all.unwrap()], without[own.unwrap()]), (0.05, 0.0));
     }
 
     #[test]

@@ -5,14 +5,14 @@ use super::plan::ReportPlan;
 use super::run_units::RunUnits;
 use super::store::Units;
 use super::unit::StoredUnit;
-use super::worst::{WorstFrame, WorstFrames, WorstPicture};
+use super::worst::{MAX_WORST, WorstFrame, WorstFrames, WorstPicture};
 use crate::pages::html::figures::{CheckpointFigure, FrameShot, Rank, SceneFigure};
 use crate::results::summary::ReportTables;
 use crate::rows::held::{PairOrigin, Row, RowRef};
 use std::collections::BTreeMap;
 use std::path::Path;
 use svl_core::Result;
-use svl_score::judge::{Checkpoint, CheckpointTally};
+use svl_score::judge::{Checkpoint, CheckpointTally, PieceConfig};
 
 /// Limit of the frames shown of recordings, over all runs.
 pub const MAX_SAMPLES: u64 = 12;
@@ -40,7 +40,7 @@ pub fn for_runs(
     for (i, run) in runs.iter().enumerate() {
         for unit in run.all() {
             if let Some(pictures) = unit.pictures()? {
-                chosen.add(i, unit, pictures);
+                chosen.add((i, run.run.seed), unit, pictures);
             }
         }
         // A run that was interrupted has as many pairs as are known.
@@ -159,24 +159,33 @@ struct ChosenPictures {
     shots: BTreeMap<(u32, String), CheckpointTally<CheckpointShot>>,
     samples: SpreadPictures<CheckpointFigure>,
     scenes: SpreadPictures<SceneFigure>,
-    /// The worst frames by algorithm.
-    worst: BTreeMap<String, WorstFrames<WorstPicture>>,
+    /// The test pieces that the runs approach.
+    pieces: Option<PieceConfig>,
+    /// The worst frames by algorithm and number of a test piece.
+    worst: BTreeMap<(String, usize), WorstFrames<WorstPicture>>,
 }
 
 impl ChosenPictures {
     fn new(plan: &ReportPlan) -> Result<Self> {
         Ok(Self {
             checkpoints: plan.manifest.part("checkpoint")?.unwrap_or_default(),
+            pieces: plan.manifest.part("piece")?,
             ..Self::default()
         })
     }
 
-    /// Adds the pictures of a unit of a run, with the place of the run.
-    fn add(&mut self, run: usize, unit: &StoredUnit, mut pictures: BlockPictures) {
+    /// Adds the pictures of a unit of a run, with the place of the run and its seed.
+    fn add(
+        &mut self,
+        (run, seed): (usize, Option<u64>),
+        unit: &StoredUnit,
+        mut pictures: BlockPictures,
+    ) {
+        let piece = self.pieces.as_ref().map_or(0, |own| own.number(seed));
         for frame in &pictures.worst {
             if let Some(picture) = pictures.worst_picture(frame) {
                 let frame = WorstFrame { run, ..frame.key() };
-                let own = self.worst.entry(unit.label.clone()).or_default();
+                let own = self.worst.entry((unit.label.clone(), piece)).or_default();
                 own.add(frame, || picture);
             }
         }
@@ -228,8 +237,11 @@ impl ChosenPictures {
         let is_pictured = |row: &Row| pictured.contains(&row.algorithm.as_str());
         let mut samples = self.samples.into_kept();
         let mut scenes = self.scenes.into_kept();
+        // One for each of several pieces.
+        let has_sizes = self.pieces.is_some_and(|own| own.sizes_m.len() > 1);
+        let most = if has_sizes { 1 } else { MAX_WORST };
         for (_, worst) in std::mem::take(&mut self.worst) {
-            for (rank, frame) in (1..).zip(worst.finish()) {
+            for (rank, frame) in (1..).zip(worst.finish().into_iter().take(most)) {
                 let place = (frame.run, frame.place);
                 match frame.picture {
                     WorstPicture::Frame(figure) => add_worst(&mut samples, place, *figure, rank),

@@ -9,10 +9,12 @@ pub const MAX_WORST: usize = 5;
 /// No two of the frames of a recording are within this time.
 const MIN_APART_NS: u64 = 1_000_000_000;
 
-/// The rank of a frame among the worst: by its missed cells, then by its wrong ones, then by its
-/// largest error.
+/// The rank of a frame among the worst: by a test piece that is not seen, the nearest first, then
+/// by its missed cells, then by its wrong ones, then by its largest error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Badness {
+    /// The inverse of the distance of the test piece that is not seen, 1/m; 0 without one.
+    pub unseen: f64,
     pub missed: u64,
     pub wrong: u64,
     /// In tolerances of its cell.
@@ -23,7 +25,10 @@ impl Badness {
     /// The worse is the greater.
     pub fn order(&self, other: &Self) -> Ordering {
         let counts = (self.missed, self.wrong).cmp(&(other.missed, other.wrong));
-        counts.then(self.error.total_cmp(&other.error))
+        let nearness = self.unseen.total_cmp(&other.unseen);
+        nearness
+            .then(counts)
+            .then(self.error.total_cmp(&other.error))
     }
 }
 
@@ -109,7 +114,7 @@ impl<T> Default for WorstFrames<T> {
 }
 
 impl<T> WorstFrames<T> {
-    /// Takes a frame if it may be one of the worst: never one without a missed or wrong cell.
+    /// Takes a frame if it may be one of the worst: never one without a fault.
     pub fn add(&mut self, frame: WorstFrame<()>, picture: impl FnOnce() -> T) {
         if let Some(now) = frame.stamp_ns {
             let known = self.run.filter(|(run, _)| *run == frame.run);
@@ -117,7 +122,8 @@ impl<T> WorstFrames<T> {
             self.run = Some((frame.run, [first.min(now), last.max(now)]));
         }
         let is_outdone = |least: &WorstFrame<()>| least.order(&frame).is_lt();
-        let is_good = frame.badness.missed + frame.badness.wrong == 0;
+        let Badness { missed, wrong, .. } = frame.badness;
+        let is_good = missed + wrong == 0 && frame.badness.unseen == 0.0;
         if is_good || self.least.as_ref().is_some_and(is_outdone) {
             return;
         }
@@ -262,6 +268,7 @@ mod tests {
     #[test]
     fn missed_cells_come_before_wrong_ones_and_these_before_errors() {
         let bad = |missed, wrong, error| Badness {
+            unseen: 0.0,
             missed,
             wrong,
             error,

@@ -35,6 +35,6 @@ pub use metrics::{
     MetricLevel, MetricOrigin, MetricSource, MetricTotal, MetricUnit, MetricValues, PLACES,
     TruthLevel,
 };
-pub use piece::{PieceConfig, PieceSight, PieceView, TestPiece};
+pub use piece::{PieceConfig, PieceSight, PieceView, TestPiece, size_words};
 pub use truth::{CellTruth, NearTruth, TrueCells};
 pub use way::{BodyPose, DrivenWay, RobotSize, WayBounds};

@@ -32,7 +32,7 @@ pub struct TestPiece {
     pub is_only_object: bool,
 }
 
-/// Largest difference of the width of a region from that of the piece: a part of it, pixels.
+/// Largest difference of the width of a region from that of the piece: a part of it, or pixels.
 const WIDTH_PART: f64 = 0.25;
 const WIDTH_PX: f64 = 2.0;
 /// Least part of the piece's height that a region has: at its foot the floor is as near.
@@ -95,18 +95,34 @@ impl PieceConfig {
         }
     }
 
+    /// The number of the piece of the run with that seed, or of a recording.
+    pub fn number(&self, seed: Option<u64>) -> usize {
+        (seed.unwrap_or_default() % self.sizes_m.len() as u64) as usize
+    }
+
     /// The piece of the run with that seed, or of a recording.
     pub fn piece(&self, seed: Option<u64>, rule: CellRule) -> TestPiece {
-        let place = seed.unwrap_or_default() % self.sizes_m.len() as u64;
         TestPiece {
-            size_m: self.sizes_m[place as usize],
+            size_m: self.sizes_m[self.number(seed)],
             near_m: self.near_m.unwrap_or(rule.obstacle_and_clear_m().0),
             is_only_object: seed.is_some(),
         }
     }
 }
 
+/// Width and height, as `10 x 20 cm`.
+pub fn size_words(size_m: [f64; 2]) -> String {
+    let [width, height] = size_m.map(|m| (1000.0 * m).round() / 10.0);
+    format!("{width} x {height} cm")
+}
+
 impl TestPiece {
+    /// The distance of the piece in a frame that does not show it to an algorithm, if it counts.
+    pub fn unseen_m(&self, view: &PieceView, sight: &PieceSight) -> Option<f64> {
+        let counts = |m: &f64| *m > self.near_m && !sight.is_seen;
+        view.distance_m.filter(counts)
+    }
+
     /// Refuses a frame in which no piece can be found.
     ///
     /// # Errors
@@ -232,9 +248,13 @@ impl TestPiece {
                     continue;
                 }
                 let Some(first) = start.take() else { continue };
-                let pixels = (x + 1 - first) as f64;
-                let expected = rig.focal_px() * self.size_m[0] / f64::from(row[x]);
-                if (pixels - expected).abs() <= (WIDTH_PART * expected).max(WIDTH_PX) {
+                // Each edge at its own distance: the side of a box is seen beside its front.
+                let edge_m =
+                    |edge: f64, at: usize| rig.point_m((edge - 0.5, 0.0), row[at].into())[0];
+                let width_m = edge_m((x + 1) as f64, x) - edge_m(first as f64, first);
+                let pixel_m = f64::from(row[x]) / rig.focal_px();
+                let most_m = (WIDTH_PART * self.size_m[0]).max(WIDTH_PX * pixel_m);
+                if (width_m - self.size_m[0]).abs() <= most_m {
                     found.push((first, x));
                 }
             }
@@ -438,6 +458,13 @@ mod tests {
         assert_eq!(found(&[(4..10, 2..5, 1.0)]), None);
         assert_eq!(found(&[own.clone(), (30..36, 2..18, 1.0)]), None);
         assert_eq!(found(&[own.clone(), (20..34, 2..18, 1.5)]), Some(1.0));
+        // The side of a box, 0.36 m deep, is seen beside its front.
+        let side = [(27, 1.357), (28, 1.188), (29, 1.056)].map(|(x, m)| (x..x + 1, 2..18, m));
+        assert_eq!(
+            found(&[&side[..], &[(30..36, 2..18, 1.0)]].concat()),
+            Some(1.0)
+        );
+        assert_eq!(found(&[(27..36, 2..18, 1.0)]), None);
         // Floor as near at its foot: the part above it stands out.
         let view = PIECE.view(
             &frame(map(&[own, (0..40, 14..20, 1.0)])),

@@ -63,7 +63,9 @@ fn reaches_are_those_of_the_cells() {
         score a.toml --rerun none --algo v5 --seeds 1..3 -o b -q
         score a.toml --rerun none --algo v5 -o c -q --shard 1/2
         score a.toml --rerun none --algo v5 -o d -q --shard 2/2
-        report c d -o e -q",
+        report c d -o e -q
+        score a.toml --rerun none --algo bm:max_disparity=16 --seeds 1 -o f -q
+        cat f/index.html => : 20 x 20 cm at 0. | m is not seen | fails: | worst frame",
     );
     assert!(!fixture.path("recordings").exists());
     let seen = seen_by_cells(&fixture, "a");

@@ -145,6 +145,7 @@ fn worst(page: &ReportPage) -> BTreeMap<&str, Vec<(usize, String)>> {
                 let words = ["missed", "wrong"]
                     .into_iter()
                     .filter_map(|name| Some(format!("{} {name}", count(name)?)));
+                let words = shot.failures.iter().cloned().chain(words);
                 let words = words.collect::<Vec<_>>().join(", ");
                 let own = worst.entry(&shot.row.algorithm).or_default();
                 own.push((*rank, i, format!("{}: {words}", chips[i])));
