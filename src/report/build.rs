@@ -93,20 +93,21 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     outputs.begin()?;
     let new = outputs.place(folder);
     let made_of = made_of(&plan, &runs);
-    // The tables lack what is doubtful of a way.
-    let has_robot = plan.manifest.part::<RobotSize>("robot")?.is_some();
-    let is_known = !has_robot && known.units == made_of && known.changed(folder, true).is_none();
+    let is_known = known.units == made_of && known.changed(folder, true).is_none();
     let latencies = Latencies::new(&plan, &sessions, || {
         let tables = collect_tables(&plan, &runs, None, |_| Ok(()))?;
         Ok(Results::from_rows(&tables.rows, &[], None))
     })?;
     let (place, tables) = if is_known {
-        (folder, read_tables(folder, &plan)?)
+        let warnings = known.doubts;
+        let tables = read_tables(folder, &plan)?;
+        (folder, ReportTables { warnings, ..tables })
     } else {
         (&*new, write_tables(&new, &plan, &runs, &latencies)?)
     };
     let names: Vec<_> = TABLES.iter().map(|table| table.name).collect();
-    let sources = Sources::for_folder(place, made_of, &names)?;
+    let mut sources = Sources::for_folder(place, made_of, &names)?;
+    sources.doubts.clone_from(&tables.warnings);
     let built = Report {
         folder: &new,
         options,
@@ -331,10 +332,15 @@ impl Report<'_> {
         let rule = cell_rule(manifest)?;
         let source: SourceOptions = manifest.part("source")?.unwrap_or_default();
         let ranges: Option<RangeEnds> = manifest.part("ranges")?;
+        // The way of a robot needs the floor below its camera.
+        let has_robot = manifest.part::<RobotSize>("robot")?.is_some();
         let has = [
             ("--area", self.options.area != AreaChoice::default()),
             ("--beyond", rule.beyond_m().is_some()),
-            ("--camera-height", source.camera_height_m.is_some()),
+            (
+                "--camera-height",
+                source.camera_height_m.is_some() && !has_robot,
+            ),
             ("--ranges", ranges.is_some_and(|ranges| !ranges.is_empty())),
         ];
         let named: Vec<_> = has.iter().filter(|own| own.1).map(|own| own.0).collect();

@@ -77,8 +77,6 @@ impl EvaluationPlan<'_> {
         let named = named.iter().copied().chain(self.shown.sort);
         let mut asked = named.chain(limits.map(|limit| limit.metric));
         let is_asked = asked.any(|metric| metric.estimated().is_some());
-        // It tells phantoms from what moved away.
-        let is_asked = is_asked || scenario.robot.is_some();
         let is_driven = matches!(scenario.source, ScenarioSource::Drive { .. });
         let needs = |run: &ReportRun| !run.is_raw && (is_asked || !run.has_truth);
         let is_safe = scenario.grid.decision == CellDecision::Safe;

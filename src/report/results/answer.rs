@@ -304,7 +304,7 @@ impl Results {
             let apart = [
                 (
                     "phantoms_of_v5",
-                    "that v5 reports, too, so perhaps it moved away",
+                    "that the truth or v5 reports, too, so perhaps it moved away",
                 ),
                 (
                     "phantoms_of_body",

@@ -16,6 +16,9 @@ pub struct Sources {
     pub units: String,
     /// Hashes of the tables by their files.
     pub tables: BTreeMap<String, String>,
+    /// Doubts of the ways that robots drove, which no table has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<String>,
 }
 
 /// The part of `summary.json` that is read.
@@ -47,7 +50,11 @@ impl Sources {
                 tables.insert(file, hash_file(&path)?);
             }
         }
-        Ok(Self { units, tables })
+        Ok(Self {
+            units,
+            tables,
+            doubts: Vec::new(),
+        })
     }
 
     /// The first table that is not what the summary was made of; `has_cells`: false for all but

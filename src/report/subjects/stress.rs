@@ -45,7 +45,7 @@ pub(crate) enum Loss {
 }
 
 /// The numbers that tables and plots show, in the order in which reasons name them.
-pub(crate) const NUMBERS: [StressNumber; 12] = {
+pub(crate) const NUMBERS: [StressNumber; 13] = {
     use MetricUnit::{Per100M, Share};
     const fn number(
         name: &'static str,
@@ -69,6 +69,7 @@ pub(crate) const NUMBERS: [StressNumber; 12] = {
         number("same", "same", Share, Some(Loss::By(1.0 - MIN_SAME))),
         number("changed", "changed", Share, None),
         number("gone", "gone", Share, None),
+        number("phantoms", "phantoms", Share, None),
         number("collisions", "collisions", Per100M, Some(Loss::By(0.0))),
         number("finished", "finished", Share, Some(Loss::By(0.0))),
         number("near_misses", "near misses", Per100M, Some(Loss::By(0.0))),

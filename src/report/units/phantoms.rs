@@ -6,7 +6,7 @@ use super::unit::UnitReader;
 use crate::rows::held::Row;
 use crate::rows::records::CellRow;
 use crate::subjects::kept::ScoreRule;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{CellState, GridShape};
@@ -15,8 +15,9 @@ use svl_score::scenario::{WITNESS, is_of_witness};
 
 /// Least probability of a cell that the witness knows as v5 does.
 const SURE: f64 = 0.9;
-/// Phantoms of v5 beyond which poses or size are wrong: their number, and their part.
-const MAX_OF_V5: [f64; 2] = [4.0, 0.002];
+/// Cells in which something is nearer than what the robot drove through, beyond which poses or size
+/// are wrong: their number, and their part.
+const MAX_NEARER: [f64; 2] = [4.0, 0.002];
 /// A cell of the robot's own body: the fewest reports, the part of them that are alike, and how
 /// far they differ.
 const MIN_REPORTS: usize = 8;
@@ -29,8 +30,8 @@ pub(crate) struct RunPhantoms {
     shape: GridShape,
     /// By pair.
     bounds: BTreeMap<u64, WayBounds>,
-    /// By algorithm and pair: reports in cells with a bound, and of these phantoms, those that v5
-    /// reports, too, and those in cells of the own body.
+    /// By algorithm and pair: reports in cells with a bound, and of these phantoms, those that are
+    /// there by the truth or v5, and those in cells of the own body.
     counts: BTreeMap<(String, u64), [f64; 4]>,
     /// The reason why nothing is judged, or a doubt.
     pub(crate) warning: Option<String>,
@@ -41,15 +42,23 @@ struct WayReport {
     sequence: u64,
     distance_m: f64,
     is_phantom: bool,
-    is_of_v5: bool,
+    /// True if something is there by the truth or v5.
+    is_seen: bool,
+}
+
+/// The pair, column and row of a cell.
+fn place(cell: &CellRow) -> (u64, u32, u32) {
+    (cell.sequence, cell.column, cell.row)
 }
 
 impl RunPhantoms {
+    /// `plain`: the unperturbed pairs of the run.
+    ///
     /// # Errors
     /// The errors of the units' files.
     pub(crate) fn new(
         plan: &ReportPlan,
-        run: &RunUnits,
+        [run, plain]: [&RunUnits; 2],
         rule: &ScoreRule,
         robot: RobotSize,
     ) -> Result<Self> {
@@ -65,7 +74,7 @@ impl RunPhantoms {
             let bounds =
                 bounds.filter_map(|(i, pair)| Some((pair.sequence, way.bounds(i, rule.shape)?)));
             own.bounds = bounds.collect();
-            own.warning = own.judge(plan, run, rule)?;
+            own.warning = own.judge(plan, [run, plain], rule)?;
         }
         Ok(own)
     }
@@ -74,7 +83,7 @@ impl RunPhantoms {
     fn judge(
         &mut self,
         plan: &ReportPlan,
-        run: &RunUnits,
+        [run, plain]: [&RunUnits; 2],
         rule: &ScoreRule,
     ) -> Result<Option<String>> {
         let records = plan.manifest.algorithms.iter();
@@ -87,67 +96,88 @@ impl RunPhantoms {
         let infinities = pairs.filter_map(|pair| Some((pair.sequence, pair.infinity_px?)));
         let infinities: BTreeMap<_, _> = infinities.collect();
         let v5 = labels[0].0;
-        let mut reports: BTreeMap<_, Vec<WayReport>> = BTreeMap::new();
-        let mut of_v5 = BTreeSet::new();
-        let mut beyond = BTreeMap::new();
-        let mut judged_of_v5 = 0u64;
-        for (label, _, disparities) in labels {
-            // The nearest distance that the algorithm can report, by its range and this report.
-            let nearest_m = |cell: &CellRow| {
+        let limit_m = |free_m: f64| free_m - rule.cells.tolerance_at_m(free_m);
+        // True if the limit of a cell is beyond the nearest distance that an algorithm of that
+        // range can report, by the truth or the report.
+        let is_in_range = |disparities: Option<u32>, cell: &CellRow, free_m: f64| {
+            let nearest_m = || {
+                let truth = cell.true_distance_m.zip(cell.true_median_px);
+                let (distance_m, px) = truth.or(cell.distance_m.zip(cell.median_px))?;
                 let infinity_px = f64::from(*infinities.get(&cell.sequence)?);
                 let end_px = f64::from(disparities?) - 1.0 - infinity_px;
-                Some(cell.distance_m? * (cell.median_px? - infinity_px) / end_px)
+                Some(distance_m * (px - infinity_px) / end_px)
             };
-            for (_, unit) in run.units(label) {
-                let mut reader = UnitReader::open(unit, "", |table| table == "cells")?;
-                for cell in reader.take(None)?.cells {
-                    let place = (cell.sequence, cell.column, cell.row);
-                    let Some(free_m) = self.free_m(&cell) else {
-                        continue;
-                    };
-                    let is_beyond = cell.true_distance_m.map(|true_m| free_m > true_m);
-                    beyond.extend(is_beyond.map(|is_beyond| (place, is_beyond)));
-                    let limit_m = free_m - rule.cells.tolerance_at_m(free_m);
-                    let far_m = (cell.state == Some(CellState::Far)).then_some(f64::INFINITY);
-                    let known = cell.distance_m.or(far_m);
-                    let is_sure = label != WITNESS || cell.probability >= Some(SURE);
-                    let is_judged = is_sure && limit_m > nearest_m(&cell).unwrap_or(0.0);
-                    let Some(distance_m) = known.filter(|_| is_judged) else {
-                        continue;
-                    };
-                    let is_phantom = distance_m < limit_m;
-                    if label == v5 {
-                        judged_of_v5 += 1;
-                        of_v5.extend(is_phantom.then_some(place));
-                    }
-                    let own = reports.entry((label, cell.column, cell.row)).or_default();
-                    own.push(WayReport {
-                        sequence: cell.sequence,
-                        distance_m,
-                        is_phantom,
-                        is_of_v5: label != v5 && of_v5.contains(&place),
-                    });
+            limit_m(free_m) > nearest_m().unwrap_or(0.0)
+        };
+        let report_m = |label: &str, cell: &CellRow| {
+            let far_m = (cell.state == Some(CellState::Far)).then_some(f64::INFINITY);
+            let is_sure = label != WITNESS || cell.probability >= Some(SURE);
+            cell.distance_m.or(far_m).filter(|_| is_sure)
+        };
+        // True of a cell in which something is nearer, by its truth, else by v5.
+        let mut seen = BTreeMap::new();
+        for (label, _, disparities) in labels.iter().take(2) {
+            self.read(plain, label, |cell, free_m| {
+                let by_truth = cell.true_distance_m.map(|true_m| true_m < free_m);
+                let by_v5 = report_m(label, cell).filter(|_| *label == v5);
+                let is_nearer = by_truth.or(by_v5.map(|m| m < limit_m(free_m)));
+                if let Some(own) = is_nearer.filter(|_| is_in_range(*disparities, cell, free_m)) {
+                    seen.entry(place(cell)).or_insert(own);
                 }
-            }
+            })?;
         }
-        let wrong = "poses, tf, or --robot are wrong";
-        let [most, part] = MAX_OF_V5;
-        if of_v5.len() as f64 > most.max(part * judged_of_v5 as f64) {
+        let (nearer, all) = (seen.values().filter(|own| **own).count(), seen.len());
+        let [most, part] = MAX_NEARER;
+        let is_wrong = nearer as f64 > most.max(part * all as f64);
+        let doubt = (nearer > 0).then(|| {
+            let untold = if is_wrong {
+                "no phantoms are told: "
+            } else {
+                ""
+            };
+            format!(
+                "{untold}{nearer} of {all} cells are nearer, by the truth or v5, than what the \
+                 robot drove through: something moved, or poses, tf, or --robot are wrong"
+            )
+        });
+        if is_wrong {
             self.bounds.clear();
-            return Ok(Some(format!(
-                "no phantoms are told: v5 reports {} of {judged_of_v5} cells nearer than what \
-                 the robot drove through: {wrong}",
-                of_v5.len()
-            )));
+            return Ok(doubt);
+        }
+        let mut reports: BTreeMap<_, Vec<WayReport>> = BTreeMap::new();
+        for (label, _, disparities) in &labels {
+            let is_v5 = *label == v5 && run.run.stress.is_none();
+            self.read(run, label, |cell, free_m| {
+                let known = report_m(label, cell);
+                let known = known.filter(|_| is_in_range(*disparities, cell, free_m));
+                let own = known.map(|distance_m| WayReport {
+                    sequence: cell.sequence,
+                    distance_m,
+                    is_phantom: distance_m < limit_m(free_m),
+                    is_seen: seen.get(&place(cell)) == Some(&true)
+                        && (cell.true_distance_m.is_some() || !is_v5),
+                });
+                let all = reports.entry((*label, cell.column, cell.row));
+                all.or_default().extend(own);
+            })?;
         }
         for ((label, ..), own) in reports {
             self.count(label, &own);
         }
-        let wrongly = beyond.values().filter(|is_beyond| **is_beyond).count();
-        Ok((wrongly > 0).then(|| {
-            let bounds = beyond.len();
-            format!("{wrongly} of {bounds} bounds of free ways are beyond the truth: {wrong}")
-        }))
+        Ok(doubt)
+    }
+
+    /// Reads the cells of an algorithm in a run that have a bound, with it.
+    fn read(&self, run: &RunUnits, label: &str, mut take: impl FnMut(&CellRow, f64)) -> Result<()> {
+        for (_, unit) in run.units(label) {
+            let mut reader = UnitReader::open(unit, "", |table| table == "cells")?;
+            for cell in &reader.take(None)?.cells {
+                if let Some(free_m) = self.free_m(cell) {
+                    take(cell, free_m);
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Counts the reports of an algorithm in a cell.
@@ -158,18 +188,15 @@ impl RunPhantoms {
         let alike = reports.iter().filter(is_alike).count() as f64;
         let is_body = reports.len() >= MIN_REPORTS && alike >= MIN_ALIKE * reports.len() as f64;
         for own in reports {
-            let counts = self
-                .counts
-                .entry((label.to_owned(), own.sequence))
-                .or_default();
+            let key = (label.to_owned(), own.sequence);
+            let counts = self.counts.entry(key).or_default();
             counts[0] += 1.0;
-            if own.is_phantom {
-                counts[if is_body {
-                    3
-                } else {
-                    1 + usize::from(own.is_of_v5)
-                }] += 1.0;
-            }
+            let kind = if is_body {
+                3
+            } else {
+                1 + usize::from(own.is_seen)
+            };
+            counts[kind] += f64::from(own.is_phantom);
         }
     }
 

@@ -23,7 +23,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::mpsc::sync_channel;
 use svl_core::Result;
-use svl_score::judge::RobotSize;
 use svl_score::manifest::hash;
 use svl_score::scenario::WITNESS;
 
@@ -209,11 +208,13 @@ pub fn collect_tables(
         );
         let mut tallies = CheckpointTallies::new(plan.labels(), &rule.checkpoints);
         let mut plain = PlainCells::beside(run, runs).filter(|_| has_cells);
-        let robot: Option<RobotSize> = plan.manifest.part("robot")?;
-        let robot = robot.filter(|_| has_cells && run.run.stress.is_none());
-        let phantoms = robot.map(|robot| RunPhantoms::new(plan, run, &rule, robot));
+        let units = [run, plain.as_ref().map_or(run, |plain| plain.run)];
+        let robot = plan.manifest.part("robot")?.filter(|_| has_cells);
+        let phantoms = robot.map(|robot| RunPhantoms::new(plan, units, &rule, robot));
         let phantoms = phantoms.transpose()?.unwrap_or_default();
-        tables.warnings.extend(phantoms.warning.clone());
+        let warning = phantoms.warning.iter().filter(|_| plain.is_none());
+        let named = warning.map(|warning| format!("{}: {warning}", run.run.words()));
+        tables.warnings.extend(named);
         let mut collect = |mut rows: UnitRows, pair: Option<ReadPair<'_>>| -> Result<()> {
             if let Some(ReadPair { facts, seen }) = pair {
                 if let Some(plain) = &mut plain {

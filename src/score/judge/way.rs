@@ -196,8 +196,8 @@ impl DrivenWay {
         }
         let is_still = (0..self.poses.len()).all(|pair| self.steps(pair).1 < MIN_WAY_M);
         is_still.then(|| {
-            "no phantoms are told: the poses go nowhere: less than 0.05 m without a jump or a gap \
-             of 0.5 s"
+            "no phantoms are told: its poses go nowhere: less than 0.05 m without a jump or a gap \
+             of 0.5 s, which a large --every and pairs without times have"
                 .to_owned()
         })
     }

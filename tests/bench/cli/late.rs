@@ -119,35 +119,3 @@ fn a_latency_that_cannot_be_is_refused_and_one_without_cells_is_told() {
         truth: no late cells, as no latency is known; latency_ms under [cells] sets it",
     );
 }
-
-/// A report nearer than what the body drove through later is a phantom, exact distances are none.
-#[test]
-fn reports_before_a_free_way_are_phantoms() {
-    let fixture = Fixture::new();
-    fixture.record_short_arena("own.mcap", 24, 1);
-    // 0.24 and 0.18 m everywhere, in turns: a cell that never changes is the robot's own body.
-    for i in 0..24 {
-        let px = [60.0_f32, 80.0][i % 2].to_le_bytes();
-        let near = [b"Pf\n320 240\n-1\n", &px.repeat(320 * 240)[..]].concat();
-        fixture.write(&format!("out/{i:04}.pfm"), near);
-    }
-    let score = "score own.mcap --algo near=files:out/*.pfm --algo truth --rerun none";
-    fixture.transcript(&format!(
-        "{score} --robot 0.08x0.11 -o a => truth: phantoms in 0 of | near: phantoms in
-        {score} --robot 0.08x0.02 -o b => 0~ outside a body of 0.08x0.02 m
-        {score} --robot 0.08 => 2: expected WIDTHxHEIGHT"
-    ));
-    let summary = fixture.json_file("a/summary.json");
-    let counts = |name: &str| {
-        let mut own = summary["algorithms"].as_array().unwrap().iter();
-        let own = own.find(|own| own["algorithm"] == name).unwrap();
-        ["phantoms", "phantoms_of_body", "way_cells"].map(|key| own[key].as_f64().unwrap())
-    };
-    let ([phantoms, on_body, reports], exact) = (counts("near"), counts("truth"));
-    assert!(
-        phantoms > 0.0 && phantoms < 0.2 * reports,
-        "{phantoms} of {reports}"
-    );
-    assert_eq!((on_body, exact[0]), (0.0, 0.0));
-    assert!(exact[2] > 0.0, "{exact:?}");
-}

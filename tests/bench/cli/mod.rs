@@ -55,3 +55,4 @@ mod tune;
 mod units;
 mod verdict;
 mod videos;
+pub mod way;

@@ -6,6 +6,7 @@ use super::bag::{
 use super::frames::{PERIOD_NS, START_NS, intact, read};
 use super::says::Says;
 use crate::cli::fixture::Fixture;
+use crate::cli::way::{counts, write_near};
 use svl::report::{CheckpointRow, read_rows};
 use svl::stereo::{Frame, MapDensity};
 
@@ -357,5 +358,55 @@ fn info_says_why_poses_are_not_usable() {
     ] {
         bag.write(&fixture);
         fixture.info("bag.mcap").says(words).says(reason);
+    }
+}
+
+/// A way that ends, jumps or stands frees less or nothing, with the reason.
+#[test]
+fn a_way_is_what_sound_poses_tell() {
+    let fixture = Fixture::new();
+    // 0.24 and 0.18 m.
+    write_near(&fixture, super::bag::SIZE, [60.0, 80.0]);
+    let told = |pose: &dyn Fn(u64, f64) -> Message, robot: &str, why: &str| {
+        let camera = fixed("base_link", "cam", [0.1, 0.0, 0.3], OPTICAL);
+        let poses = stamps(0..48)
+            .zip(0..)
+            .map(|(stamp, i)| pose(stamp, f64::from(i)));
+        Bag(vec![camera])
+            .and(poses)
+            .and(Bag::pairs(24))
+            .write(&fixture);
+        let score = "score bag.mcap --algo near=files:out/*.pfm --rerun none --force -o r";
+        fixture.transcript(&format!("{score} --robot {robot} => 0~ {why}"));
+        counts(&fixture, "r", "near")
+    };
+    let at = |stamp, x: f64| moved(stamp, ["odom", "base_link"], [x, 1.0, 0.0]);
+    let [whole, _, reports] = told(&|stamp, i| at(stamp, 0.06 * i), "0.5x0.6", "!no phantoms");
+    assert!(
+        whole > 0.8 * reports && whole > 100.0,
+        "{whole} of {reports}"
+    );
+    let jump = |stamp, i: f64| at(stamp, 0.06 * i + if i < 24.0 { 0.0 } else { 5.0 });
+    let until = |stamp: u64, i: f64| at(stamp + if i < 24.0 { 0 } else { 1 << 40 }, 0.06 * i);
+    for pose in [&jump as &dyn Fn(u64, f64) -> Message, &until] {
+        let [phantoms, ..] = told(pose, "0.5x0.6", "!no phantoms");
+        assert!(0.0 < phantoms && phantoms < whole, "{phantoms} of {whole}");
+    }
+    let turning = |stamp, i: f64| {
+        let (sin, cos) = (0.05 * i).sin_cos();
+        let link = ("odom", "base_link", [3.0, 1.0, 0.0], [0.0, 0.0, sin, cos]);
+        transforms("/tf", stamp, &[link])
+    };
+    let other = |stamp, i: f64| moved(stamp, ["odom", "other/base_link"], [0.06 * i, 1.0, 0.0]);
+    let still = "no phantoms are told: its poses go nowhere";
+    let none = "no phantoms are told: no pair has a pose with a calibration and a base";
+    let outside = "the camera is 0.30 m above the base | outside a body of 0.5x0.2 m";
+    for (pose, robot, why) in [
+        (&turning as &dyn Fn(u64, f64) -> Message, "0.5x0.6", still),
+        (&|stamp, _| at(stamp, 3.0), "0.5x0.6", still),
+        (&other, "0.5x0.6", none),
+        (&|stamp, i| at(stamp, 0.06 * i), "0.5x0.2", outside),
+    ] {
+        assert_eq!(told(pose, robot, why), [-1.0; 3]);
     }
 }
