@@ -15,6 +15,7 @@ use crate::source::live::live_topics::LiveTopics;
 use crate::source::opened::calibration::CalibrationFiles;
 use crate::source::opened::open_source::Opened;
 use crate::source::opened::request::Request;
+use std::io;
 use std::path::Path;
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, joined};
@@ -299,15 +300,13 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     let mut kinds = SOURCES.iter().filter(|kind| !(names_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
     let Some(kind) = kind.filter(|kind| !kind.is_path() || path.exists()) else {
-        let what = if path.exists() {
-            "not a source"
-        } else {
-            "no such source"
-        };
         let expected = expected();
-        return Err(Error::Invalid(format!(
-            "{name}: {what}; expected {expected}"
-        )));
+        return Err(if path.exists() {
+            Error::Invalid(format!("{name}: not a source; expected {expected}"))
+        } else {
+            let words = format!("{name}: no such source; expected {expected}");
+            Error::other(io::Error::new(io::ErrorKind::NotFound, words))
+        });
     };
     refuse_options(request, kind)?;
     if !kind.is_recording() {
