@@ -12,7 +12,7 @@ use crate::source::inputs::video::source::{VideoSource, is_video};
 use crate::source::layers::measured::{MeasuredMaps, SourceMaps, refuse_topics, topics_of};
 use crate::source::live::live_topics;
 use crate::source::live::live_topics::LiveTopics;
-use crate::source::opened::calibration::CalibrationFiles;
+use crate::source::opened::calibration::{Calib, CalibrationFiles};
 use crate::source::opened::open_source::Opened;
 use crate::source::opened::request::Request;
 use std::io;
@@ -535,6 +535,8 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         ..header
     };
     let truth_note = truth.as_ref().and_then(MapFiles::note);
+    let is_open = request.calib() == Calib::Own;
+    let lacking = source.lacks_cameras().filter(|_| is_open);
     let (calibration, unread) = match &source.calibration {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
@@ -552,7 +554,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         ..StreamFacts::from_images(&source.depth, folder.side_by_side, source.size)
     };
     Ok(Opened {
-        notes: truth_note.into_iter().collect(),
+        notes: truth_note.into_iter().chain(lacking).collect(),
         measured: SourceMaps {
             truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
             ..SourceMaps::default()
