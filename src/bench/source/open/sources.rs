@@ -12,9 +12,10 @@ use crate::source::inputs::video::source::{VideoSource, is_video};
 use crate::source::layers::measured::{MeasuredMaps, SourceMaps, refuse_topics, topics_of};
 use crate::source::live::live_topics;
 use crate::source::live::live_topics::LiveTopics;
-use crate::source::opened::calibration::CalibrationFiles;
+use crate::source::opened::calibration::{Calib, CalibrationFiles};
 use crate::source::opened::open_source::Opened;
 use crate::source::opened::request::Request;
+use std::io;
 use std::path::Path;
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, joined};
@@ -299,15 +300,13 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     let mut kinds = SOURCES.iter().filter(|kind| !(names_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
     let Some(kind) = kind.filter(|kind| !kind.is_path() || path.exists()) else {
-        let what = if path.exists() {
-            "not a source"
-        } else {
-            "no such source"
-        };
         let expected = expected();
-        return Err(Error::Invalid(format!(
-            "{name}: {what}; expected {expected}"
-        )));
+        return Err(if path.exists() {
+            Error::Invalid(format!("{name}: not a source; expected {expected}"))
+        } else {
+            let words = format!("{name}: no such source; expected {expected}");
+            Error::other(io::Error::new(io::ErrorKind::NotFound, words))
+        });
     };
     refuse_options(request, kind)?;
     if !kind.is_recording() {
@@ -539,6 +538,8 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         ..header
     };
     let truth_note = truth.as_ref().and_then(MapFiles::note);
+    let is_open = request.calib() == Calib::Own;
+    let lacking = source.lacks_cameras().filter(|_| is_open);
     let (calibration, unread) = match &source.calibration {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
@@ -556,7 +557,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         ..StreamFacts::from_images(&source.depth, folder.side_by_side, source.size)
     };
     Ok(Opened {
-        notes: truth_note.into_iter().collect(),
+        notes: truth_note.into_iter().chain(lacking).collect(),
         measured: SourceMaps {
             truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
             ..SourceMaps::default()
