@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""A network in ONNX as a matcher for svl, by onnxruntime on the CPU or CUDA.
+"""A network in ONNX as a matcher for svl, by onnxruntime on the CPU, CUDA or TensorRT.
 
-    pip install numpy onnxruntime            # with CUDA: onnxruntime-gpu
+    pip install numpy onnxruntime            # with CUDA and TensorRT: onnxruntime-gpu, tensorrt
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_onnx.py model.onnx --multiple 16'"
 
 svl_bench.matcher comes with svl's wheel; without it, in this file's folder:
@@ -23,10 +23,20 @@ import numpy as np
 from svl_bench import matcher
 
 
+# By --provider: name and cure, and name in onnxruntime. Operators that one lacks run on the next.
+PROVIDERS = {
+    "tensorrt": ("TensorRT", "pip install onnxruntime-gpu tensorrt", "TensorrtExecutionProvider"),
+    "cuda": ("CUDA", "pip install onnxruntime-gpu", "CUDAExecutionProvider"),
+    "cpu": ("CPU", "pip install onnxruntime", "CPUExecutionProvider"),
+}
+
+
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("model", type=Path)
     matcher.network_options(parser)
+    parser.add_argument("--provider", choices=PROVIDERS, help="in place of --device; tensorrt builds an "
+        "engine first, for minutes")  # fmt: skip
     options = parser.parse_args()
     if not options.model.is_file():
         parser.error(f"{options.model}: no such file")
@@ -38,11 +48,16 @@ class OnnxMatcher:
 
     def __init__(self, options, onnxruntime):
         self.options, self.onnxruntime = options, onnxruntime
-        has_cuda = "CUDAExecutionProvider" in onnxruntime.get_available_providers()
-        if options.device == "cuda" and not has_cuda:
-            sys.exit("onnxruntime has no CUDA here: pip install onnxruntime-gpu, or --device cpu")
-        on_cuda = has_cuda and options.device != "cpu"
-        self.provider = "CUDAExecutionProvider" if on_cuda else "CPUExecutionProvider"
+        has = onnxruntime.get_available_providers()
+        self.wanted = options.provider or options.device
+        if self.wanted == "auto":
+            self.wanted = "cuda" if PROVIDERS["cuda"][-1] in has else "cpu"
+        self.device, cure, provider = PROVIDERS[self.wanted]
+        if provider not in has:
+            sys.exit(f"onnxruntime has no {self.device} here: {cure}, or --device cpu")
+        names = list(PROVIDERS)
+        behind = [PROVIDERS[name][-1] for name in names[names.index(self.wanted) :]]
+        self.providers = [name for name in behind if name in has]
 
     def start(self, request):
         settings = self.onnxruntime.SessionOptions()
@@ -51,7 +66,7 @@ class OnnxMatcher:
         settings.add_session_config_entry("session.intra_op.allow_spinning", "0")
         model = str(self.options.model)
         try:
-            session = self.onnxruntime.InferenceSession(model, settings, providers=[self.provider])
+            session = self.onnxruntime.InferenceSession(model, settings, providers=self.providers)
         except Exception as error:
             sys.exit(f"{model}: {' '.join(str(matcher.memory_error(error)).split())[:300]}")
         self.session = session
@@ -69,11 +84,16 @@ class OnnxMatcher:
         if isinstance(batch, int) and batch != wanted:
             cure = f"--batch {batch}" if batch > 1 else "leave --batch out"
             sys.exit(f"{model}: its batch is fixed: {batch}, not {wanted}; {cure}")
-        self.kind = np.float16 if "float16" in self.inputs[0].type else np.float32
-        device = "CPU" if session.get_providers()[0].startswith("CPU") else "CUDA"
+        kinds = {"tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
+        self.kind = kinds.get(self.inputs[0].type, np.float32)
+        if self.kind == np.uint8 and self.options.normalise != "raw":
+            sys.exit(f"{model}: its images are integers of 8 bits: leave --normalise out")
         # It falls back by itself where libraries or the device are missing.
-        if self.options.device == "cuda" and device == "CPU":
-            sys.exit("onnxruntime cannot use CUDA here: see its words above, or --device cpu")
+        used = session.get_providers()[0]
+        is_asked = (self.options.provider or self.options.device) != "auto"
+        if is_asked and used != self.providers[0]:
+            sys.exit(f"onnxruntime cannot use {self.device} here: see its words above, or --device cpu")
+        (device,) = [name for name, _, provider in PROVIDERS.values() if provider == used]
         return {
             "color": self.network.channels == 3,
             "threads": request.threads,
@@ -85,7 +105,10 @@ class OnnxMatcher:
         is_batch = self.options.batch > 1
         if not is_batch:
             left, right = left[None], right[None]
-        images = [self.network.inputs(side).astype(self.kind, copy=False) for side in (left, right)]
+        images = [self.network.inputs(side) for side in (left, right)]
+        if self.kind == np.uint8:
+            images = [np.rint(side) for side in images]
+        images = [side.astype(self.kind, copy=False) for side in images]
         if len(self.inputs) == 1:
             images = [np.concatenate(images, 1)]
         feed = {i.name: image for i, image in zip(self.inputs, images)}

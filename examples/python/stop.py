@@ -2,8 +2,8 @@
 
 A made-up camera replaces a real one: a textured wall comes nearer by 0.2 m per pair."""
 
-import numpy as np
 import svl_bench as svl
+import numpy as np
 
 
 def camera(width=320, height=240):

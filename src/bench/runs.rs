@@ -125,9 +125,10 @@ impl ScoredSource {
         if let (Some(_), ScenarioSource::Arena { config, .. }) = (&scenario.piece, &scenario.source)
         {
             // Hundreds of short runs: rendered as they are matched, and not stored.
-            let source = ArenaSource::new(Arena::new(config, seed)?, seed);
-            let floor = ToldFloor::below(config.rig.above_floor_m);
-            let mut run = read(scenario, source, (Some(seed), Some(floor)))?;
+            let arena = Arena::new(config, seed)?;
+            let floor = arena.above_floor_m().map(ToldFloor::below);
+            let source = ArenaSource::new(arena, seed);
+            let mut run = read(scenario, source, (Some(seed), floor))?;
             let judge = run.judge(&scenario.judge())?;
             return Ok((run, judge));
         }

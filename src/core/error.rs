@@ -117,6 +117,18 @@ impl Error {
         )
     }
 
+    /// The kind of failure for programs that call svl, if it has one: `missing` (a file), `io`,
+    /// `memory`.
+    pub fn kind(&self) -> Option<&'static str> {
+        let cause = match self {
+            Self::Io { cause, .. } => Some(cause),
+            Self::Memory { .. } => return Some("memory"),
+            _ => self.downcast_ref::<std::io::Error>(),
+        };
+        let is_missing = cause?.kind() == std::io::ErrorKind::NotFound;
+        Some(if is_missing { "missing" } else { "io" })
+    }
+
     /// An I/O error at `path`.
     pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
         let path = path.into();

@@ -1,7 +1,7 @@
 //! Arrays of numpy as images, without a copy, and images as arrays.
 
+use numpy::PyUntypedArrayMethods;
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
-use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use svl_core::Result;
@@ -9,38 +9,33 @@ use svl_core::ranger::{ImageFormat, ImageRef};
 use svl_core::stereo::{Plane, reserve};
 
 /// An array that is an image, and borrowed as long as this lives.
-pub(super) enum ImageArray<'py> {
+enum ImageArray<'py> {
     Eight(PyReadonlyArrayDyn<'py, u8>),
     Sixteen(PyReadonlyArrayDyn<'py, u16>),
 }
 
 /// What an array does not say of its image.
 #[derive(Clone, Copy)]
-pub(super) struct PixelLayout {
+struct PixelLayout {
     /// Bits in use, of arrays of uint16.
-    pub(super) bits: Option<u8>,
+    bits: Option<u8>,
     /// True if the first channel is blue.
-    pub(super) is_bgr: bool,
+    is_bgr: bool,
 }
 
 impl<'py> ImageArray<'py> {
-    pub(super) fn new(array: &Bound<'py, PyAny>, side: &str) -> PyResult<Self> {
+    fn new(array: &Bound<'py, PyAny>, side: &str) -> PyResult<Self> {
         if let Ok(array) = array.cast::<PyArrayDyn<u8>>() {
             return Ok(Self::Eight(array.try_readonly()?));
         }
         if let Ok(array) = array.cast::<PyArrayDyn<u16>>() {
             return Ok(Self::Sixteen(array.try_readonly()?));
         }
-        let got = match array.cast::<PyUntypedArray>() {
-            Ok(array) => format!("an array of {}", array.dtype().str()?),
-            Err(_) => array.get_type().name()?.to_string(),
-        };
-        Err(PyTypeError::new_err(format!(
-            "{side}: expected a numpy array of uint8 or uint16, got {got}"
-        )))
+        let expected = "expected a numpy array of uint8 or uint16";
+        Err(PyTypeError::new_err(format!("{side}: {expected}")))
     }
 
-    pub(super) fn image(&self, side: &str, layout: PixelLayout) -> PyResult<ImageRef<'_>> {
+    fn image(&self, side: &str, layout: PixelLayout) -> PyResult<ImageRef<'_>> {
         match self {
             Self::Eight(array) => image(array, side, layout),
             Self::Sixteen(array) => image(array, side, layout),
@@ -93,10 +88,8 @@ fn image<'a, T: Element>(
         _ => 0,
     };
     if !is_packed || stride == 0 {
-        return Err(wrong(format!(
-            "strides of {strides:?} bytes: rows may have gaps, pixels may not, and neither go \
-             backwards; numpy.ascontiguousarray makes a copy that fits"
-        )));
+        let cure = "rows may have gaps, pixels may not, and neither go backwards";
+        return Err(wrong(format!("strides of {strides:?} bytes: {cure}")));
     }
     let bytes = stride * (height - 1) + row_bytes;
     // SAFETY: the array has `height` rows of `row_bytes` bytes, `stride` apart, and lives as long
@@ -113,6 +106,29 @@ pub(super) fn array<'py, T: Element>(
     shape: impl Into<Vec<usize>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     PyArray1::from_vec(py, values).reshape(shape.into())
+}
+
+/// Left and right as images, while `work` is done.
+pub(super) fn with_pair<R>(
+    [left, right]: [&Bound<'_, PyAny>; 2],
+    bits: Option<i64>,
+    is_bgr: bool,
+    work: impl FnOnce([ImageRef<'_>; 2]) -> PyResult<R>,
+) -> PyResult<R> {
+    let bits = bits.map(|bits| number("bits", bits, "8 to 16"));
+    let bits = bits.transpose()?;
+    let layout = PixelLayout { bits, is_bgr };
+    let [left, right] = [
+        ImageArray::new(left, "left")?,
+        ImageArray::new(right, "right")?,
+    ];
+    work([left.image("left", layout)?, right.image("right", layout)?])
+}
+
+/// A number of Python that has to fit into `T`.
+pub(super) fn number<T: TryFrom<i64>>(name: &str, value: i64, expected: &str) -> PyResult<T> {
+    let wrong = |_| PyValueError::new_err(format!("{name}={value}: expected {expected}"));
+    T::try_from(value).map_err(wrong)
 }
 
 /// The pixels of a plane, row by row, each changed by `value`.

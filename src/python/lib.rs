@@ -1,5 +1,6 @@
 //! The extension module `svl_bench._svl`: matching, below the Python of `svl_bench/`.
 
+mod calibration;
 mod image;
 mod ranger;
 
@@ -14,9 +15,7 @@ use svl_core::Error;
 fn exception(error: Error) -> PyErr {
     let words = error.to_string();
     match error {
-        Error::Io { cause, .. } if cause.kind() == std::io::ErrorKind::NotFound => {
-            PyFileNotFoundError::new_err(words)
-        }
+        error if error.kind() == Some("missing") => PyFileNotFoundError::new_err(words),
         Error::Io { .. } | Error::Damaged { .. } => PyOSError::new_err(words),
         Error::Memory { .. } => PyMemoryError::new_err(words),
         Error::Panicked => PyRuntimeError::new_err(words),
@@ -27,6 +26,8 @@ fn exception(error: Error) -> PyErr {
 
 #[pymodule]
 mod _svl {
+    #[pymodule_export]
+    use crate::calibration::CalibrationHandle;
     #[pymodule_export]
     use crate::ranger::RangerHandle;
 

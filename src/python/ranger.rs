@@ -1,7 +1,7 @@
 //! A ranger for Python.
 
 use crate::exception;
-use crate::image::{ImageArray, PixelLayout, array, pixels};
+use crate::image::{array, number, pixels, with_pair};
 use parking_lot::Mutex;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -13,7 +13,7 @@ use svl_core::stereo::{GridShape, Rig};
 use svl_core::{Error, Result};
 
 /// A rig's numbers: focal_px, baseline_m, cx_px, cy_px, doffs_px.
-type RigTuple = (f64, f64, f64, f64, f64);
+pub(crate) type RigTuple = (f64, f64, f64, f64, f64);
 
 /// Arrays of cells (distance_m, disparity_px, probability, valid_fraction, state, reason,
 /// level, near_distance_m, near_px, surface_probability), then of pixels (disparities, reasons).
@@ -24,6 +24,7 @@ type MatchArrays<'py> = [Bound<'py, PyAny>; 12];
 pub(crate) struct RangerHandle {
     /// None after it was closed.
     ranger: Mutex<Option<Ranger>>,
+    rig: Option<RigTuple>,
     /// A lock that a fork copied may never open.
     process: u32,
 }
@@ -80,6 +81,7 @@ impl RangerHandle {
         };
         let ranger = py.detach(open).map_err(exception)?;
         Ok(Self {
+            rig: ranger.rig().map(rig_tuple),
             ranger: Mutex::new(Some(ranger)),
             process: std::process::id(),
         })
@@ -98,17 +100,15 @@ impl RangerHandle {
         self.check_process()?;
         let stamp_ns = stamp_ns.map(|stamp_ns| number("stamp_ns", stamp_ns, "0 or more"));
         let stamp_ns = stamp_ns.transpose()?;
-        let bits = bits.map(|bits| number("bits", bits, "8 to 16"));
-        let bits = bits.transpose()?;
-        let arrays = [
-            ImageArray::new(left, "left")?,
-            ImageArray::new(right, "right")?,
-        ];
-        let layout = PixelLayout { bits, is_bgr };
-        let left = arrays[0].image("left", layout)?;
-        let right = arrays[1].image("right", layout)?;
-        let answer = py.detach(|| self.answer(left, right, stamp_ns))?;
+        let answer = with_pair([left, right], bits, is_bgr, |pair| {
+            py.detach(|| self.answer(pair, stamp_ns))
+        })?;
         answer.arrays(py)
+    }
+
+    /// The rig of rectified images, if it is known.
+    fn rig(&self) -> Option<RigTuple> {
+        self.rig
     }
 
     /// Forgets the earlier pairs.
@@ -141,33 +141,43 @@ impl RangerHandle {
 
     fn answer(
         &self,
-        left: ImageRef<'_>,
-        right: ImageRef<'_>,
+        [left, right]: [ImageRef<'_>; 2],
         stamp_ns: Option<u64>,
     ) -> PyResult<RangedPair> {
         let mut ranger = self.ranger.lock();
         let ranger = ranger.as_mut().ok_or_else(closed)?;
-        let cells = match stamp_ns {
-            None => ranger.cells(left, right),
-            Some(stamp_ns) => ranger.cells_at(left, right, stamp_ns),
+        let mut signal = None;
+        let cells = ranger.cells_while(left, right, stamp_ns, || {
+            signal = Python::attach(|py| py.check_signals().err());
+            signal.is_none()
+        });
+        let cells = match (cells, signal) {
+            (_, Some(signal)) => return Err(signal),
+            (cells, None) => cells.map_err(exception)?.clone(),
         };
-        let cells = cells.map_err(exception)?.clone();
         let map = ranger
             .disparity()
             .ok_or_else(|| exception(Error::Panicked))?;
         Ok(RangedPair {
             cells,
-            disparities: pixels(map.disparity(), |disparity| disparity).map_err(exception)?,
+            disparities: pixels(map.disparity(), known).map_err(exception)?,
             reasons: pixels(map.why(), |why| why as u8).map_err(exception)?,
             size: map.size(),
         })
     }
 }
 
-/// A number of Python that has to fit into `T`.
-fn number<T: TryFrom<i64>>(name: &str, value: i64, expected: &str) -> PyResult<T> {
-    let wrong = |_| PyValueError::new_err(format!("{name}={value}: expected {expected}"));
-    T::try_from(value).map_err(wrong)
+/// NaN is none in every array of floats.
+fn known(disparity: f32) -> f32 {
+    Some(disparity)
+        .filter(|own| own.is_finite())
+        .unwrap_or(f32::NAN)
+}
+
+/// A rig as numbers.
+pub(crate) fn rig_tuple(rig: &Rig) -> RigTuple {
+    let (cx, cy) = rig.center_px();
+    (rig.focal_px(), rig.baseline_m(), cx, cy, rig.doffs_px())
 }
 
 fn closed() -> PyErr {

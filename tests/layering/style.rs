@@ -68,16 +68,16 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13910),
+    ("bench", 13982),
     ("c", 478),
     ("calibrate", 4988),
-    ("cli", 11220),
-    ("core", 19563),
+    ("cli", 11273),
+    ("core", 19635),
     ("files", 2552),
     ("grab", 5139),
     ("live", 468),
-    ("python", 330),
-    ("recording", 13982),
+    ("python", 394),
+    ("recording", 13987),
     ("report", 16399),
     ("score", 9483),
     ("sim", 3544),

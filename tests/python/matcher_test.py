@@ -36,6 +36,8 @@ given = network("--normalise", "imagenet", "--multiple", "1", channels=3).inputs
 assert np.allclose(given[0, 2, 4, 5], (color[0, 4, 5, 2] / 255 - 0.406) / 0.225, atol=1e-6)
 given = network("--normalise", "signed", "--multiple", "1", channels=3).inputs(grey)
 assert given.shape == (2, 3, 30, 50) and np.allclose(given[1, 2], grey[1] / 127.5 - 1, atol=1e-6)
+given = network("--channels", "bgr", "--normalise", "imagenet", "--multiple", "1").inputs(color)
+assert np.allclose(given[0, 0, 4, 5], (color[0, 4, 5, 2] / 255 - 0.406) / 0.225, atol=1e-6)
 mean = network("--channels", "grey", "--multiple", "1", channels=3).inputs(color)
 assert (mean[:, 0] == color.astype(np.float32).mean(-1)).all()
 
@@ -92,16 +94,30 @@ file = Path(__file__).parents[2] / "adapters/svl_onnx.py"
 spec = importlib.util.spec_from_file_location("svl_onnx", file)
 adapter = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(adapter)
-options = network("--device", "cuda").options
-options.model = file
-try:
-    adapter.OnnxMatcher(options, onnxruntime).start(argparse.Namespace(threads=1))
-    sys.exit("the CPU was taken for CUDA")
-except SystemExit as error:
-    assert "cannot use CUDA here" in str(error), error
 
-options = network("--batch", "4").options
-options.model = file
+
+def onnx_options(provider, *words):
+    return argparse.Namespace(**vars(network(*words).options), provider=provider, model=file)
+
+
+for options in [onnx_options(None, "--device", "cuda"), onnx_options("cuda", "--device", "cpu")]:
+    try:
+        adapter.OnnxMatcher(options, onnxruntime).start(argparse.Namespace(threads=1))
+        sys.exit("the CPU was taken for CUDA")
+    except SystemExit as error:
+        assert "cannot use CUDA here" in str(error), error
+try:
+    adapter.OnnxMatcher(onnx_options("tensorrt"), onnxruntime)
+    sys.exit("CUDA was taken for TensorRT")
+except SystemExit as error:
+    assert "no TensorRT here: pip install onnxruntime-gpu tensorrt" in str(error), error
+# What TensorRT lacks runs on CUDA, what that lacks on the CPU.
+onnxruntime.get_available_providers = lambda: [p for *_, p in adapter.PROVIDERS.values()]
+behind = adapter.OnnxMatcher(onnx_options("tensorrt"), onnxruntime).providers
+assert behind == ["TensorrtExecutionProvider", "CUDAExecutionProvider", "CPUExecutionProvider"]
+assert adapter.OnnxMatcher(onnx_options("cpu"), onnxruntime).providers == ["CPUExecutionProvider"]
+
+options = onnx_options(None, "--batch", "4", "--device", "cpu")
 try:
     adapter.OnnxMatcher(options, onnxruntime).start(argparse.Namespace(threads=1))
     sys.exit("a batch of 4 was taken for a network of single pairs")

@@ -8,6 +8,7 @@ import json
 import multiprocessing
 import os
 import pydoc
+import re
 import shutil
 import signal
 import subprocess
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import threading
 import time
+import types
 import unittest
 from pathlib import Path
 
@@ -41,6 +43,14 @@ def svl_program(*words):
     if ran.returncode:
         raise AssertionError(ran.stderr)
     return ran.stdout
+
+
+class Lent:
+    """An image of another library, as PIL's, which lends its array to numpy."""
+
+    def __init__(self, image):
+        self.__array_interface__ = image.__array_interface__
+        self.image = image
 
 
 def has(*modules):
@@ -70,6 +80,25 @@ def resident_bytes():
 
 def write_pgm(path, image):
     path.write_bytes(b"P5 %d %d 255\n" % image.shape[::-1] + image.tobytes())
+
+
+def write_opencv_calibration(path):
+    """Two cameras with distortion, 60 mm apart, as OpenCV's FileStorage writes them."""
+    def matrix(name, rows, columns, numbers):
+        return (
+            f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n"
+            f"   data: [ {', '.join(map(str, numbers))} ]\n"
+        )
+
+    camera = [170.0, 0.0, 80.0, 0.0, 170.0, 48.0, 0.0, 0.0, 1.0]
+    lens = [-0.1, 0.02, 0.0, 0.0, 0.0]
+    path.write_text(
+        "%YAML:1.0\n---\n"
+        f"image_width: {WIDTH}\nimage_height: {HEIGHT}\nlength_unit: m\n"
+        + matrix("M1", 3, 3, camera) + matrix("D1", 1, 5, lens)
+        + matrix("M2", 3, 3, camera) + matrix("D2", 1, 5, lens)
+        + matrix("R", 3, 3, [1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0]) + matrix("T", 3, 1, [-0.06, 0.0, 0.0])
+    )  # fmt: skip
 
 
 def write_raw_bag(path, images, distortion):
@@ -126,15 +155,19 @@ class Matching(InFolder):
             written = out.read_bytes()
             self.assertTrue(np.isfinite(found.disparity).any())
             self.assertTrue(written.startswith(b"Pf\n160 96\n"), written[:20])
-            self.assertTrue(written.endswith(found.disparity[::-1].astype("<f4").tobytes()), algorithm)
-            self.assertTrue((np.isinf(found.disparity) == (found.reasons != 0)).all())
+            # None is NaN in Python, infinite in the file.
+            shown = np.where(np.isnan(found.disparity), np.inf, found.disparity)
+            self.assertTrue(written.endswith(shown[::-1].astype("<f4").tobytes()), algorithm)
+            self.assertTrue((np.isnan(found.disparity) == (found.reasons != 0)).all())
+            self.assertFalse(np.isinf(found.disparity).any())
 
     def test_cells_have_shapes_types_and_distances(self):
         left, right = pair()
         found = svl.match(left, right, "v5", rig=RIG, columns=6, rows=4)
         for cells in found[:6]:
             self.assertEqual(cells.shape, (4, 6))
-        kinds = [str(array.dtype) for array in found]
+        self.assertEqual(found.rig, RIG)
+        kinds = [str(array.dtype) for array in found[:12]]
         self.assertEqual(kinds, ["float32"] * 4 + ["uint8"] * 3 + ["float32"] * 4 + ["uint8"])
         known = found.state == svl.State.KNOWN
         self.assertGreater(known.sum(), 4)
@@ -148,6 +181,27 @@ class Matching(InFolder):
         without = svl.match(left, right, "v5")
         self.assertTrue(np.isnan(without.distance_m).all())
 
+    def test_pixels_have_distances_and_points(self):
+        found = svl.match(*pair(), "bm", rig=RIG)
+        known = np.isfinite(found.disparity)
+        depth = found.depth_m
+        np.testing.assert_array_equal(np.isnan(depth), ~known)
+        expected = 170 * 0.06 / found.disparity[known].astype(float)
+        np.testing.assert_allclose(depth[known], expected, rtol=1e-6)
+        self.assertAlmostEqual(float(np.nanmedian(found.disparity)), 9, places=1)
+        points = found.points()
+        self.assertEqual((points.dtype, points.shape), (np.float32, (known.sum(), 3)))
+        y, x = np.nonzero(known)
+        np.testing.assert_allclose(points[:, 0] * 170 / points[:, 2] + 80, x, atol=1e-3)
+        np.testing.assert_allclose(points[:, 1] * 170 / points[:, 2] + 48, y, atol=1e-3)
+        far = found._replace(disparity=np.zeros((2, 2), np.float32))
+        self.assertTrue(np.isposinf(far.depth_m).all())
+        self.assertEqual(far.points().shape, (0, 3))
+        without = svl.match(*pair(), "bm")
+        self.assertTrue(np.isnan(without.depth_m).all())
+        with self.fails(ValueError, "rig=", "calibration="):
+            without.points()
+
     def test_views_colours_and_sixteen_bits_are_the_same_image(self):
         left, right = pair()
         expected = svl.match(left, right).disparity
@@ -157,6 +211,22 @@ class Matching(InFolder):
         np.testing.assert_array_equal(svl.match(view, right).disparity, expected)
         odd = svl.match(np.repeat(left, 2, axis=0)[::2], right)
         np.testing.assert_array_equal(odd.disparity, expected)
+        for same, scale in [
+            (left.tolist(), None),
+            (left[..., None], None),
+            (np.asfortranarray(left), None),
+            (left[::-1].copy()[::-1], None),
+            (np.repeat(left, 2, axis=1)[:, ::2], None),
+            (left.astype(np.int64), None),
+            (left / 255, 255),
+            (left.astype(np.float32), 1),
+            (Lent(left), None),
+        ]:
+            other = right if scale is None else right / np.float64(scale)
+            found = svl.match(same, other, scale=scale)
+            np.testing.assert_array_equal(found.disparity, expected)
+        swapped = [(image.astype(np.uint16) << 2).astype(">u2") for image in (left, right)]
+        np.testing.assert_array_equal(svl.match(*swapped, bits=10).disparity, expected)
         deep = [image.astype(np.uint16) << 4 for image in (left, right)]
         np.testing.assert_array_equal(svl.match(*deep, bits=12).disparity, expected)
         color = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
@@ -170,7 +240,7 @@ class Matching(InFolder):
         copies = left.copy(), right.copy()
         with svl.Ranger("v5", rig=RIG) as ranger:
             first = ranger.match(left, right, stamp_ns=1)
-            kept = [array.copy() for array in first]
+            kept = [array.copy() for array in first[:12]]
             first_again = ranger.match(right, left, stamp_ns=2)
         np.testing.assert_array_equal(left, copies[0])
         np.testing.assert_array_equal(right, copies[1])
@@ -204,6 +274,38 @@ class Matching(InFolder):
             svl.Ranger(calibration=path, rig=RIG)
         with self.fails(FileNotFoundError, "nothing.yaml"):
             svl.match(*pair(), calibration="nothing.yaml")
+
+    def test_a_calibration_rectifies_what_a_ranger_rectifies(self):
+        path = self.folder / "camera.yml"
+        write_opencv_calibration(path)
+        calibration = svl.calibration(path)
+        self.assertAlmostEqual(calibration.rig.baseline_m, 0.06, places=4)
+        self.assertEqual(calibration.size, (WIDTH, HEIGHT))
+        left, right = pair()
+        rectified = calibration.rectify(left, right)
+        self.assertFalse(np.array_equal(rectified[0], left))
+        by_file = svl.match(left, right, "bm", calibration=path)
+        self.assertEqual(by_file.rig, calibration.rig)
+        found = svl.match(*rectified, "bm", rig=calibration.rig)
+        np.testing.assert_array_equal(by_file.disparity, found.disparity)
+        colours = [np.stack([image, image // 2, image], -1) for image in (left, right)]
+        coloured = calibration.rectify(*colours)
+        self.assertEqual(coloured[0].shape, (HEIGHT, WIDTH, 3))
+        for grey, colour in zip(rectified, coloured):
+            np.testing.assert_array_equal(colour[..., 0], grey)
+            np.testing.assert_array_equal(colour[..., 2], grey)
+        deep = [image.astype(np.uint16) << 2 for image in (left, right)]
+        for grey, same in zip(rectified, calibration.rectify(*deep, bits=10)):
+            np.testing.assert_array_equal(same, grey)
+        with self.fails(ValueError, "bits"):
+            calibration.rectify(*deep)
+        with self.fails(ValueError, f"{WIDTH}x{HEIGHT}", "80x96"):
+            calibration.rectify(left[:, ::2], right[:, ::2])
+        with self.fails(ValueError, "both grey, or both colour"):
+            calibration.rectify(left, colours[1])
+        with self.fails(ValueError, "other.yml"):
+            (self.folder / "other.yml").write_text("nothing")
+            svl.calibration(self.folder / "other.yml")
 
     def test_files_of_a_calibration_are_read_again_where_they_change(self):
         def write(path, baseline_m):
@@ -279,24 +381,28 @@ class BadInput(InFolder):
     def test_images_that_are_none(self):
         left, right = pair()
         for wrong, error, words in [
-            (left.astype(np.float32), TypeError, ["left", "uint8 or uint16", "float32"]),
-            (left.astype(">u2"), TypeError, ["left", ">u2"]),
-            (left.tolist(), TypeError, ["left", "list"]),
+            (left.astype(np.float32), TypeError, ["left", "float32", "scale="]),
+            (left.astype(np.int32) - 9, ValueError, ["left", "from -9 to", "0 to 255"]),
+            ([[300, 1], [2, 3]], ValueError, ["left", "to 300", "bits="]),
+            (left > 9, TypeError, ["left", "an array of bool"]),
             (None, TypeError, ["left", "NoneType"]),
+            ("left.png", TypeError, ["left", "str"]),
+            ([], ValueError, ["left", "no pixels"]),
             (left[0], ValueError, ["left", r"\[160\]"]),
             (np.zeros((9, 9, 2), np.uint8), ValueError, ["left", r"\[9, 9, 2\]"]),
             (np.zeros((9, 9, 3), np.uint16), ValueError, ["left", r"\[9, 9, 3\]"]),
-            (np.zeros((0, 9), np.uint8), ValueError, ["left", "9x0"]),
-            (left[:, ::2], ValueError, ["left", "strides", "ascontiguousarray"]),
-            (left[::-1], ValueError, ["left", "strides", "ascontiguousarray"]),
-            (left.T, ValueError, ["left", "strides", "ascontiguousarray"]),
-            (np.broadcast_to(left[0], left.shape), ValueError, ["left", "strides"]),
+            (np.zeros((0, 9), np.uint8), ValueError, ["left", "no pixels"]),
+            (left[:, ::2], ValueError, ["80x96", "160x96"]),
             (left[:-1], ValueError, ["160x95", "160x96"]),
         ]:
             with self.subTest(words=words), self.fails(error, *words):
                 svl.match(wrong, right)
         with self.fails(TypeError, "right", "float64"):
             svl.match(left, right.astype(float))
+        with self.fails(TypeError, "left", "scale="):
+            svl.match(left, right, scale=255)
+        with self.fails(ValueError, "right", "not finite"):
+            svl.match(left / 255, np.full(right.shape, np.nan), scale=255)
         deep = left.astype(np.uint16)
         for bits in [17, 300, -1]:
             with self.fails(ValueError, str(bits), "8 to 16"):
@@ -388,6 +494,9 @@ class BadInput(InFolder):
         ranger = svl.Ranger()
         expected = svl.match(*pair()).disparity
         ranger.match(*pair())
+        write_opencv_calibration(self.folder / "camera.yml")
+        calibration = svl.calibration(self.folder / "camera.yml")
+        rectified = calibration.rectify(*pair())
         child = os.fork()
         if child == 0:
             status = 1
@@ -398,8 +507,10 @@ class BadInput(InFolder):
                     if "open one in each process" in str(error):
                         status = 2
                 del ranger
-                if status == 2 and np.array_equal(svl.match(*pair()).disparity, expected):
-                    status = 0
+                again = svl.match(*pair()).disparity
+                if status == 2 and np.array_equal(again, expected, equal_nan=True):
+                    again = calibration.rectify(*pair())
+                    status = 0 if np.array_equal(again, rectified) else 3
             finally:
                 os._exit(status)
         status = None
@@ -415,7 +526,224 @@ class BadInput(InFolder):
         self.assertEqual(ranger.match(*pair()).disparity.shape, (HEIGHT, WIDTH))
 
 
+def interrupted_after(seconds, call):
+    """How long after Ctrl-C the call ended."""
+    sent = []
+
+    def interrupt():
+        time.sleep(seconds)
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    try:
+        call()
+    except KeyboardInterrupt:
+        return time.monotonic() - sent[0]
+    finally:
+        thread.join()
+    raise AssertionError("no KeyboardInterrupt")
+
+
+class Interrupts(InFolder):
+    def test_a_match_is_left_and_its_ranger_goes_on(self):
+        large = pair(size=(1600, 1200))
+        with svl.Ranger("sgm:max_disparity=255", threads=1) as ranger:
+            began = time.monotonic()
+            ranger.match(*large)
+            alone = time.monotonic() - began
+            # A tenth of it is more than the 50 ms between two looks.
+            if alone > 1:
+                self.assertLess(interrupted_after(0.1, lambda: ranger.match(*large)), alone / 2)
+            small = ranger.match(*pair())
+        expected = svl.match(*pair(), "sgm:max_disparity=255").disparity
+        np.testing.assert_array_equal(small.disparity, expected)
+
+    @unittest.skipUnless(Path("/proc/self/task").exists(), "no /proc")
+    def test_a_ranger_may_be_closed_while_a_pair_that_was_left_is_matched(self):
+        code = """if 1:
+            import os, signal, threading, time, numpy as np, svl_bench as svl
+            threads = lambda: len(os.listdir('/proc/self/task'))
+            before = threads()
+            image = np.random.default_rng(1).integers(0, 256, (1200, 1600), np.uint8)
+            ranger = svl.Ranger('sgm:max_disparity=255', threads=1)
+            threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
+            try:
+                ranger.match(image, image)
+            except KeyboardInterrupt:
+                print('left')
+            ranger.close()
+            for _ in range(600):
+                if threads() <= before:
+                    print('ended')
+                    break
+                time.sleep(0.1)
+        """
+        self.assertEqual(python(code).split(), ["left", "ended"])
+
+    def test_a_score_ends_orderly(self):
+        output = self.folder / "r"
+        interrupted_after(1, lambda: svl.score("arena", "v5", output=output, seeds="1..40"))
+        self.assertEqual(svl_processes(), [])
+        with self.assertRaises((FileNotFoundError, ValueError)):
+            svl.report(output)
+
+
+class Evaluation(InFolder):
+    def test_an_array_is_as_good_as_its_file(self):
+        left, right = pair()
+        found = svl.match(left, right, rig=RIG).disparity
+        truth = np.full(left.shape, 9, np.float32)
+        truth[:, :9] = np.nan
+        mask = np.zeros(left.shape, bool)
+        mask[20:80, 20:140] = True
+        for name, array in [("d", found), ("t", truth)]:
+            np.save(self.folder / f"{name}.npy", array)
+        write_pgm(self.folder / "m.pgm", np.where(mask, 255, 0).astype(np.uint8))
+        files = [self.folder / "d.npy", self.folder / "t.npy"]
+        for protocol in ["middeval3", "middlebury-v2", "eth3d", "kitti12", "kitti15"]:
+            for options, given in [([], None), (["--mask", self.folder / "m.pgm"], mask)]:
+                line = ["eval", *files, "--protocol", protocol, "--json", *options]
+                expected = json.loads(svl_program(*line))
+                scores = svl.evaluate(found, truth, protocol=protocol, mask=given)
+                self.assertEqual(scores, {name: expected[name] for name in scores})
+                self.assertEqual(set(expected) - set(scores) - {"doubts", "images"}, {"protocol"})
+        scores = svl.evaluate(found, truth)
+        self.assertEqual(scores["pixels"], int(np.isfinite(truth).sum()))
+        self.assertEqual(svl.evaluate(found, truth, max_disparity=4)["bad4.0"], 100 - scores["invalid"])
+
+    def test_with_a_rig_it_tells_of_distances(self):
+        truth = np.full((4, 5), 10, np.float32)
+        found = truth.copy()
+        found[0] = 8
+        found[1] = np.nan
+        scores = svl.evaluate(found, truth, rig=RIG, protocol="kitti15")
+        depth = RIG.focal_px * RIG.baseline_m / np.array([10, 8])
+        error = depth[1] - depth[0]
+        self.assertAlmostEqual(scores["rmse_m"], error * (1 / 3) ** 0.5, places=6)
+        self.assertEqual(scores["median_error_m"], 0)
+        self.assertAlmostEqual(scores["abs_rel"], error / depth[0] / 3, places=6)
+        nothing = svl.evaluate(np.full((4, 5), np.nan), truth, rig=RIG)
+        self.assertIsNone(nothing["rmse_m"])
+        # Depths of a depth camera, where 0 is none.
+        metres = np.where(np.arange(20).reshape(4, 5) == 3, 0, depth[0])
+        by_depth = svl.evaluate(truth, RIG.disparity_px(metres), rig=RIG)
+        self.assertEqual(by_depth["pixels"], 19)
+        self.assertAlmostEqual(by_depth["rmse_m"], 0, places=5)
+
+    def test_integers_say_their_factor(self):
+        truth = np.full((4, 5), 2560, np.uint16)
+        truth[0, 0] = 0
+        found = np.full((4, 5), 168, np.int16)
+        found[1, 1] = -16
+        scores = svl.evaluate(found, truth, disparity_scale=256, estimate_scale=16)
+        self.assertEqual((scores["pixels"], scores["bad0.5"], scores["avgerr"]), (19, 0, 0.5))
+        self.assertAlmostEqual(scores["invalid"], 100 / 19, places=4)
+        self.assertEqual(svl.evaluate([[1, 1]], [[1, 2]], protocol="eth3d")["avgerr"], 0.5)
+        masked = np.ma.masked_array(np.full((4, 5), 10.0), mask=truth == 0)
+        self.assertEqual(svl.evaluate(np.full((4, 5), 10), masked)["pixels"], 19)
+        for wrong, error, words in [
+            ([found, truth], ValueError, ["disparity", "int16", "estimate_scale="]),
+            ([found[0] / 16, truth / 256], ValueError, ["disparity", "height x width"]),
+            ([np.zeros((0, 4)), truth / 256], ValueError, ["disparity", "height x width"]),
+            ([None, truth / 256], TypeError, ["disparity", "object"]),
+            ([np.ones((4, 4)), truth / 256], ValueError, ["4x4", "5x4"]),
+        ]:
+            with self.subTest(words=words), self.fails(error, *words):
+                svl.evaluate(*wrong)
+        with self.fails(ValueError, "mask", r"\(2, 2\)"):
+            svl.evaluate(truth / 256, truth / 256, mask=[[1, 0], [0, 1]])
+        with self.fails(ValueError, "kitti16"):
+            svl.evaluate(truth / 256, truth / 256, protocol="kitti16")
+        with self.fails(FileNotFoundError, "gone.png"):
+            svl.evaluate(truth / 256, truth / 256, protocol="kitti15", object_map="gone.png")
+
+
+class Writing(InFolder):
+    def test_pairs_that_are_read_are_written(self):
+        recording = svl.record("arena", self.folder / "a.mcap", frames=3)
+        pairs = list(svl.read(recording))
+        own = svl.write(self.folder / "own.mcap", pairs)
+        again = list(svl.read(own))
+        self.assertEqual(len(again), 3)
+        for one, other in zip(pairs, again):
+            self.assertEqual(one.stamp_ns, other.stamp_ns)
+            np.testing.assert_array_equal(one.left, other.left)
+            np.testing.assert_array_equal(one.right, other.right)
+            np.testing.assert_allclose(one.rig, other.rig, rtol=1e-12)
+            np.testing.assert_allclose(one.true_disparity, other.true_disparity, rtol=1e-3)
+        self.assertEqual(sorted(os.listdir(self.folder)), ["a.mcap", "own.mcap"])
+        self.assertEqual(svl.info(own)["header"]["source"], "pairs")
+        with self.fails(RuntimeError, "own.mcap", "exists already"):
+            svl.write(own, pairs)
+        svl.write(own, pairs[:1], force=True)
+        self.assertEqual(len(list(svl.read(own))), 1)
+
+    def test_pairs_of_a_camera_are_written(self):
+        left, right = pair()
+        stamps = [1_700_000_000_000_000_000 + i * 33_000_000 for i in range(3)]
+        lefts, rights = [left, left // 2, left], [right, right // 2, right]
+        own = svl.write(self.folder / "own.mcap", zip(lefts, rights, stamps), rig=RIG)
+        pairs = list(svl.read(own))
+        self.assertEqual([p.stamp_ns for p in pairs], stamps)
+        np.testing.assert_array_equal(pairs[1].left, left // 2)
+        np.testing.assert_allclose(pairs[0].rig, RIG)
+        self.assertIsNone(pairs[0].true_disparity)
+        self.assertEqual(svl.info(own)["usability"]["pairs"], 3)
+        # The report has the distances of the rig.
+        self.assertEqual(len(svl.score(own, {"mine": "bm"}).data["algorithms"]), 1)
+        color = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+        for bgr, image in [(False, color), (True, color[..., ::-1])]:
+            path = self.folder / f"{bgr}.mcap"
+            moved = np.roll(image, -5, axis=1)
+            (found,) = svl.read(svl.write(path, [(image, moved)], bgr=bgr, fps=30))
+            grey = svl.match(color, np.roll(color, -5, axis=1), "bm").disparity
+            np.testing.assert_array_equal(svl.match(found.left, found.right, "bm").disparity, grey)
+        deep = (left.astype(np.uint16) << 2, right.astype(np.uint16) << 2)
+        (found,) = svl.read(svl.write(self.folder / "deep.mcap", [deep], bits=10))
+        np.testing.assert_array_equal(found.left, left)
+        path = self.folder / "camera.yml"
+        write_opencv_calibration(path)
+        (found,) = svl.read(svl.write(self.folder / "raw.mcap", [(left, right)], calib=path))
+        np.testing.assert_array_equal(found.left, svl.calibration(path).rectify(left, right)[0])
+
+    def test_what_is_no_pair_is_refused(self):
+        left, right = pair()
+        for pairs, error, words in [
+            ([], ValueError, ["no pairs"]),
+            ([(left, right), (left, None)], TypeError, ["right of pair 1"]),
+            ([(left, right[:-1])], ValueError, ["pair 0", r"\(96, 160\) and \(95, 160\)"]),
+            ([(left,)], ValueError, ["expected"]),
+            ([(left.astype(np.uint16), right)], ValueError, ["bits=N"]),
+            ([(left[..., None].repeat(2, 2), right)], ValueError, ["no image"]),
+        ]:
+            with self.subTest(words=words), self.fails(error, *words):
+                svl.write(self.folder / "own.mcap", pairs)
+        self.assertEqual(os.listdir(self.folder), [])
+
+
 class Program(InFolder):
+    def test_algorithms_and_what_a_recording_has(self):
+        known = {algorithm["name"]: algorithm for algorithm in svl.algorithms()}
+        (found,) = [p for p in known["v5"]["parameters"] if p["name"] == "max_disparity"]
+        self.assertEqual((found["default"], found["unit"]), (80, "px"))
+        recording = svl.record("arena", self.folder / "a.mcap", frames=2)
+        info = svl.info(recording)
+        self.assertEqual((info["usability"]["pairs"], info["is_intact"]), (2, True))
+        with self.fails(ValueError, "--no-such"):
+            svl.info(recording, no_such=1)
+
+    def test_a_score_needs_no_folder_and_names_algorithms(self):
+        named = {"new": "v5:max_disparity=64", "old": "v5"}
+        report = svl.score("arena", named, seeds="1", every=60)
+        self.assertEqual({row["algorithm"] for row in report.data["algorithms"]}, {"new", "old"})
+        folder = report.folder
+        self.assertTrue((folder / "summary.json").is_file())
+        self.assertIn("new", str(report))
+        del report
+        self.assertFalse(folder.exists())
+
     def test_record_score_report_and_compare(self):
         recording = svl.record("arena", self.folder / "a.mcap", frames=4, seed=2)
         self.assertTrue(recording.is_file())
@@ -423,7 +751,7 @@ class Program(InFolder):
             svl.record("arena", recording, frames=4)
         with self.fails(ValueError, "--no-such"):
             svl.record("arena", self.folder / "b.mcap", no_such=1)
-        with self.fails(RuntimeError, "-v"):
+        with self.fails(FileNotFoundError, "-v"):
             svl.record("-v", self.folder / "b.mcap")
         with self.fails(ValueError, "help"):
             svl.record("arena", self.folder / "b.mcap", help=True)
@@ -441,6 +769,9 @@ class Program(InFolder):
         self.assertEqual(compared["other"], str(self.folder / "s"))
         with self.fails((ValueError, RuntimeError), "nothing"):
             svl.compare(report, self.folder / "nothing")
+        shutil.rmtree(self.folder / "s")
+        with self.fails(FileNotFoundError, "no such folder"):
+            other.tables()
 
     def test_the_gate_is_in_the_report(self):
         scenario = self.folder / "two.toml"
@@ -602,8 +933,20 @@ class Reading(InFolder):
         self.assertIn('"damage": null', svl_program("info", path, "--json"))
 
     def test_errors_are_svl_s(self):
-        with self.fails(RuntimeError, "none.bag"):
-            next(svl.read(self.folder / "none.bag"))
+        for gone in ["none.bag", "none.mcap", "none"]:
+            path = self.folder / gone
+            for call in [
+                lambda: next(svl.read(path)),
+                lambda: svl.score(path),
+                lambda: svl.record(path, self.folder / "b.mcap"),
+                lambda: svl.info(path),
+                lambda: svl.report(path),
+                lambda: svl.calibration(path),
+            ]:
+                with self.subTest(gone=gone), self.fails(FileNotFoundError, gone):
+                    call()
+        with self.fails(FileNotFoundError, "nowhere"):
+            svl.write(self.folder / "nowhere/own.mcap", [pair()])
         with self.fails(ValueError, "--no-such"):
             next(svl.read("arena", no_such=True))
         with self.fails(ValueError, "--ros2", "for files"):
@@ -659,6 +1002,19 @@ class Package(InFolder):
         said = subprocess.run(line, capture_output=True, text=True, check=True).stdout
         self.assertEqual(said.strip(), os.fspath(printed / "matcher.py"))
 
+    def test_without_numpy_there_is_one_line(self):
+        there = os.fspath(Path(svl.__file__).parents[1])
+        code = (
+            f"import sys; sys.path.insert(0, {there!r}); sys.modules['numpy'] = None\n"
+            "import svl_bench as svl\n"
+            "for name in ['match', 'evaluate', 'write', 'calibration']:\n"
+            "    try: getattr(svl, name)\n    except ImportError as error: print(error)\n"
+        )
+        line = [sys.executable, "-I", "-S", "-c", code]
+        said = subprocess.run(line, capture_output=True, text=True, check=True).stdout.splitlines()
+        self.assertEqual(len(said), 4)
+        self.assertEqual(said[0], "svl_bench.match needs numpy: pip install numpy")
+
     def test_names_have_descriptions_and_types(self):
         for name in svl.__all__:
             if name not in ("REASONS", "__version__"):
@@ -684,6 +1040,95 @@ class Package(InFolder):
         said = python(code)
         for words in ["no extension for", "is for manylinux_2_31_riscv64", "on x86_64 and aarch64"]:
             self.assertIn(words, said)
+
+
+def snippets(document):
+    """The blocks of Python of a document."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+class StandInForTorch:
+    """What a document uses of PyTorch, which tests do without: it notes the call of the export."""
+
+    def __init__(self):
+        self.nn = types.SimpleNamespace(Module=object)
+        self.onnx = types.SimpleNamespace(export=self.export)
+
+    def zeros(self, *shape):
+        return np.zeros(shape)
+
+    def export(self, network, images, file, *, input_names, output_names):
+        self.exported = network.forward(*images)
+        self.names = input_names, output_names
+
+
+class Documents(InFolder):
+    def run_snippets(self, document, **names):
+        """The names of each snippet, run after those before it in the test's folder."""
+        names = {"__name__": "snippet", **names}
+        ran = []
+        before = os.getcwd()
+        os.chdir(self.folder)
+        try:
+            for code in snippets(document):
+                if "svl." in code:
+                    self.assertTrue(code.startswith("import svl_bench as svl\n"), code)
+                exec(compile(code, document, "exec"), names)
+                ran.append(dict(names))
+        finally:
+            os.chdir(before)
+        return ran
+
+    def test_every_snippet_is_run_by_a_test(self):
+        documents = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+        having = {os.fspath(path.relative_to(ROOT)) for path in documents if snippets(path)}
+        # The tutorial's is a file that its commands run: tests/bench/documents.rs.
+        self.assertEqual(having, {"docs/library.md", "docs/networks.md", "docs/tutorials/network.md"})
+
+    def test_the_library_s(self):
+        bag = svl.record("arena", self.folder / "bag.mcap", frames=4)
+        pairs = list(svl.read(bag))
+        write_opencv_calibration(self.folder / "stereo.yaml")
+        left, right = pair()
+        camera = [(*pair(shift), shift * 100_000_000) for shift in (4, 8, 30)]
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            stop, arrays, rectified = self.run_snippets(
+                "docs/library.md",
+                camera=lambda: camera,
+                lefts=[p.left for p in pairs],
+                rights=[p.right for p in pairs],
+                stamps_ns=[p.stamp_ns for p in pairs],
+                left=left,
+                right=right,
+            )
+        # Its square has 20 px: 328 px * 0.044 m / 20 px.
+        self.assertEqual(said.getvalue().splitlines()[0], "nearest 0.73 m: go on")
+        self.assertTrue(said.getvalue().splitlines()[2].endswith(": stop"))
+        scores = arrays["scores"]
+        found = svl.match(pairs[-1].left, pairs[-1].right, "v5", rig=pairs[-1].rig)
+        np.testing.assert_array_equal(arrays["found"].disparity, found.disparity)
+        self.assertLess(scores["bad2.0"], 20)
+        self.assertLess(scores["abs_rel"], 0.2)
+        self.assertGreater(scores["coverage"], 30)
+        self.assertEqual(len(list(svl.read(self.folder / "own.mcap"))), 4)
+        rows = arrays["report"].data["algorithms"]
+        self.assertEqual({row["algorithm"] for row in rows}, {"new", "old"})
+        self.assertAlmostEqual(rectified["found"].rig.baseline_m, 0.06, places=4)
+        known = np.isfinite(rectified["found"].depth_m).sum()
+        self.assertEqual(len(rectified["found"].points()), known)
+        self.assertGreater(known, 0.3 * WIDTH * HEIGHT)
+
+    def test_those_of_networks(self):
+        torch = StandInForTorch()
+        net = lambda left, right, iters, test_mode: (iters, left.shape, test_mode)
+        net.eval = lambda: net
+        *_, last = self.run_snippets("docs/networks.md", torch=torch, net=net)
+        self.assertEqual(torch.exported, (1, 3, 480, 640))
+        self.assertEqual(torch.names, (["left", "right"], ["disp"]))
+        self.assertEqual(last["mine"](*pair()).mean(), 16)
+        self.assertIsNone(last["mynet"](*pair()))
 
 
 class Examples(InFolder):

@@ -169,7 +169,14 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
         Some(error) if error.downcast_ref::<Incomplete>().is_some() => (4, ""),
         _ => (1, ""),
     };
-    print_error(format_args!("error: {line}{cure}"));
+    // For svl_bench, which raises its exception.
+    let is_told = std::env::var_os("SVL_ERROR_KINDS").is_some();
+    let failure = error.downcast_ref::<svl::Error>().filter(|_| is_told);
+    let kind = failure
+        .and_then(svl::Error::kind)
+        .map(|kind| format!("[{kind}]"));
+    let kind = kind.unwrap_or_default();
+    print_error(format_args!("error{kind}: {line}{cure}"));
     ExitCode::from(code)
 }
 

@@ -111,7 +111,10 @@ impl<'a> ImageRef<'a> {
     }
 
     /// Writes the image into `out` as grey, which keeps its memory if it has the size.
-    pub(super) fn copy(&self, out: &mut Gray) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`], [`Error::Memory`].
+    pub fn copy(&self, out: &mut Gray) -> Result<()> {
         let (width, height) = self.size;
         if out.size() != self.size {
             *out = Gray::filled(width, height, 0)?;

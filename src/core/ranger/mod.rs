@@ -13,7 +13,7 @@ use crate::filter::FilterModel;
 use crate::stereo::{DisparityMap, GridShape, Rig, StereoCalibration};
 use engine::Engine;
 use std::sync::Arc;
-use worker::PairWorker;
+use worker::{PairWorker, Patience};
 
 /// Most threads of a ranger.
 const MAX_THREADS: usize = 1024;
@@ -74,8 +74,10 @@ pub struct RangerOptions {
 /// # Ok::<(), svl_core::Error>(())
 /// ```
 pub struct Ranger {
-    /// None after a panic.
+    /// None after a panic, and while the worker has it.
     engine: Option<Box<Engine>>,
+    /// True if a caller went away while the worker had the engine.
+    is_left: bool,
     worker: PairWorker,
 }
 
@@ -101,6 +103,7 @@ impl Ranger {
         }
         Ok(Self {
             engine: Some(Box::new(engine)),
+            is_left: false,
             worker: PairWorker::start(options.threads)?,
         })
     }
@@ -116,7 +119,7 @@ impl Ranger {
         left: impl Into<ImageRef<'a>>,
         right: impl Into<ImageRef<'a>>,
     ) -> Result<&Cells> {
-        self.run([left.into(), right.into()], None)
+        self.run([left.into(), right.into()], None, None)
     }
 
     /// Same as [`Ranger::cells`], of a pair exposed at `stamp_ns` of any clock. Algorithms with a
@@ -130,29 +133,58 @@ impl Ranger {
         right: impl Into<ImageRef<'a>>,
         stamp_ns: u64,
     ) -> Result<&Cells> {
-        self.run([left.into(), right.into()], Some(stamp_ns))
+        self.run([left.into(), right.into()], Some(stamp_ns), None)
     }
 
-    fn run(&mut self, images: [ImageRef<'_>; 2], stamp_ns: Option<u64>) -> Result<&Cells> {
+    /// Same as [`Ranger::cells_at`], with a stamp or without, as long as `is_waiting`, which is
+    /// asked every 50 ms. A pair that is not waited for is one of the earlier pairs.
+    ///
+    /// # Errors
+    /// The errors of [`Ranger::cells`]; [`Error::Interrupted`].
+    pub fn cells_while<'a>(
+        &mut self,
+        left: impl Into<ImageRef<'a>>,
+        right: impl Into<ImageRef<'a>>,
+        stamp_ns: Option<u64>,
+        mut is_waiting: impl FnMut() -> bool,
+    ) -> Result<&Cells> {
+        self.run([left.into(), right.into()], stamp_ns, Some(&mut is_waiting))
+    }
+
+    fn run(
+        &mut self,
+        images: [ImageRef<'_>; 2],
+        stamp_ns: Option<u64>,
+        mut is_waiting: Patience<'_, '_>,
+    ) -> Result<&Cells> {
         if self.worker.is_forked() {
             let cure = "open one in each process";
             let what = "this ranger was opened before a fork, which copies no threads";
             return Err(Error::Invalid(format!("{what}; {cure}")));
         }
-        let Some(engine) = &mut self.engine else {
-            return Err(Error::Panicked);
-        };
+        // A pair that was not waited for has no caller.
+        let _ = self.take_back(is_waiting.as_deref_mut())?;
+        let engine = self.engine.as_mut().ok_or(Error::Panicked)?;
         engine.load(images, stamp_ns)?;
-        // The worker returns it, unless it panics.
-        let done = self
-            .engine
-            .take()
-            .and_then(|engine| self.worker.run(engine));
-        let Some((engine, result)) = done else {
-            return Err(Error::Panicked);
-        };
-        let engine = self.engine.insert(engine);
+        if let Some(engine) = self.engine.take() {
+            self.worker.begin(engine);
+            self.is_left = true;
+        }
+        let result = self.take_back(is_waiting)?;
+        let engine = self.engine.as_ref().ok_or(Error::Panicked)?;
         result.map(|()| &engine.cells)
+    }
+
+    /// Waits for an engine that the worker has.
+    fn take_back(&mut self, is_waiting: Patience<'_, '_>) -> Result<Result<()>> {
+        if !self.is_left {
+            return Ok(Ok(()));
+        }
+        let done = self.worker.end(is_waiting);
+        self.is_left = matches!(done, Err(Error::Interrupted));
+        let (engine, result) = done?;
+        self.engine = Some(engine);
+        Ok(result)
     }
 
     /// The cells of the last pair; `None` before the first, and if the last one failed.
@@ -175,6 +207,8 @@ impl Ranger {
 
     /// Forgets the earlier pairs: the next one is the first of another scene.
     pub fn reset(&mut self) {
+        // After a panic there is no engine to reset.
+        let _ = self.take_back(None);
         if let Some(engine) = &mut self.engine {
             engine.reset();
         }

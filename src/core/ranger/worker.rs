@@ -5,9 +5,16 @@
 
 use super::engine::Engine;
 use crate::error::{Error, Result};
-use parking_lot::{Condvar, Mutex};
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::Duration;
+
+/// How often a caller is asked if it still waits.
+const ASKED_EVERY: Duration = Duration::from_millis(50);
+
+/// Is asked if its caller still waits; without one, it does.
+pub(super) type Patience<'a, 'b> = Option<&'a mut (dyn FnMut() -> bool + 'b)>;
 
 /// What lies between the ranger and its job. Boxed: an engine is handed over without a copy.
 enum JobSlot {
@@ -26,21 +33,38 @@ struct PairJob {
 }
 
 impl PairJob {
+    /// A closed one stays closed: its caller may have gone while a pair was matched.
     fn put(&self, content: JobSlot) {
-        *self.slot.lock() = content;
+        let mut slot = self.slot.lock();
+        if !matches!(*slot, JobSlot::Closed) {
+            *slot = content;
+        }
         self.changed.notify_all();
     }
 
-    /// Waits until the content is one of `wanted`, and takes it.
-    fn take(&self, wanted: fn(&JobSlot) -> bool) -> JobSlot {
+    /// Waits until the content is one of `wanted`, and takes it; `None` once `is_waiting` is false.
+    fn take(
+        &self,
+        wanted: fn(&JobSlot) -> bool,
+        mut is_waiting: Patience<'_, '_>,
+    ) -> Option<JobSlot> {
         let mut slot = self.slot.lock();
-        self.changed.wait_while(&mut slot, |slot| !wanted(slot));
-        std::mem::replace(&mut *slot, JobSlot::Empty)
+        while !wanted(&slot) {
+            let Some(is_waiting) = &mut is_waiting else {
+                self.changed.wait(&mut slot);
+                continue;
+            };
+            let is_late = self.changed.wait_for(&mut slot, ASKED_EVERY).timed_out();
+            if is_late && !wanted(&slot) && !MutexGuard::unlocked(&mut slot, is_waiting) {
+                return None;
+            }
+        }
+        Some(std::mem::replace(&mut *slot, JobSlot::Empty))
     }
 
     fn serve(&self) {
         let is_mine = |slot: &JobSlot| matches!(slot, JobSlot::Loaded(_) | JobSlot::Closed);
-        while let JobSlot::Loaded(mut engine) = self.take(is_mine) {
+        while let Some(JobSlot::Loaded(mut engine)) = self.take(is_mine, None) {
             let result = catch_unwind(AssertUnwindSafe(|| engine.compute()));
             self.put(match result {
                 Ok(result) => JobSlot::Done(engine, result),
@@ -87,13 +111,22 @@ impl PairWorker {
         self.process != std::process::id()
     }
 
-    /// Matches the pair of an engine, and returns the engine; `None` after a panic.
-    pub(super) fn run(&self, engine: Box<Engine>) -> Option<(Box<Engine>, Result<()>)> {
+    /// Begins to match the pair of an engine.
+    pub(super) fn begin(&self, engine: Box<Engine>) {
         self.job.put(JobSlot::Loaded(engine));
+    }
+
+    /// The engine, once its pair is matched.
+    ///
+    /// # Errors
+    /// [`Error::Panicked`]; [`Error::Interrupted`] once `is_waiting` is false: the work goes on,
+    /// and the engine may be asked for again.
+    pub(super) fn end(&self, is_waiting: Patience<'_, '_>) -> Result<(Box<Engine>, Result<()>)> {
         let is_mine = |slot: &JobSlot| matches!(slot, JobSlot::Done(..) | JobSlot::Panicked);
-        match self.job.take(is_mine) {
-            JobSlot::Done(engine, result) => Some((engine, result)),
-            _ => None,
+        match self.job.take(is_mine, is_waiting) {
+            Some(JobSlot::Done(engine, result)) => Ok((engine, result)),
+            Some(_) => Err(Error::Panicked),
+            None => Err(Error::Interrupted),
         }
     }
 }

@@ -127,6 +127,28 @@ impl Rectifier {
         Ok(())
     }
 
+    /// The images of `pair`, rectified by this thread alone: a fork copies no others.
+    ///
+    /// # Errors
+    /// The errors of [`Rectifier::apply`].
+    pub fn apply_alone(&self, pair: [&Gray; 2]) -> Result<[Gray; 2]> {
+        let (width, height) = self.size();
+        let mut rectified = [pair[0].clone(), pair[1].clone()];
+        for ((remap, source), out) in [&self.left, &self.right]
+            .into_iter()
+            .zip(pair)
+            .zip(&mut rectified)
+        {
+            remap.check(source)?;
+            if !self.is_identity {
+                let mut pixels = vec![0; width * height];
+                remap.rows(self.isa, &gapless(source), 0..height, &mut pixels);
+                *out = Gray::from_vec(width, height, pixels)?;
+            }
+        }
+        Ok(rectified)
+    }
+
     /// [`Rectifier::apply`] for each of the three colours.
     ///
     /// # Errors

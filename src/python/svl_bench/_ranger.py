@@ -6,18 +6,20 @@ import enum
 import os
 import threading
 from collections import OrderedDict
-from typing import TYPE_CHECKING, Any, NamedTuple, Sequence, Union
+from typing import TYPE_CHECKING, Any, NamedTuple, Sequence
+
+import numpy as np
 
 from ._extension import extension
+from ._images import image
 from ._rig import Rig
 
 if TYPE_CHECKING:
-    import numpy as np
     import numpy.typing as npt
 
     from ._types import PathLike
 
-    Image = Union[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]
+    Image = npt.ArrayLike
     Floats = npt.NDArray[np.float32]
     Codes = npt.NDArray[np.uint8]
 
@@ -40,7 +42,7 @@ class State(enum.IntEnum):
 
 class Match(NamedTuple):
     """The answer for a pair. The first ten are arrays of cells, rows x columns from the top left; the
-    last two have the height and width of the rectified images."""
+    next two have the height and width of the rectified images."""
 
     distance_m: Floats
     """float32, metres along the optical axis; infinite at infinity; NaN if unknown or without a rig."""
@@ -64,10 +66,31 @@ class Match(NamedTuple):
     surface_probability: Floats
     """float32, 0 to 1, that the cell has a surface there."""
     disparity: Floats
-    """float32, pixels: the left pixel (x, y) shows what the right one (x - d, y) does; infinite: none.
+    """float32, pixels: the left pixel (x, y) shows what the right one (x - d, y) does; NaN: none.
     v5 decides cells by more than this map."""
     reasons: Codes
     """uint8, index into REASONS: why a pixel has no disparity."""
+    rig: Rig | None
+    """Of the rectified images; None if it is not known."""
+
+    @property
+    def depth_m(self) -> Floats:
+        """float32, height x width, metres along the optical axis, infinite for 0 pixels of a rig without
+        doffs_px, NaN where unknown or without a rig."""
+        if self.rig is None:
+            return np.full_like(self.disparity, np.nan)
+        return self.rig.distance_m(self.disparity)
+
+    def points(self) -> Floats:
+        """float32, N x 3, metres: the pixels with a finite distance, row by row, in the left camera: x to the
+        right, y down, z forward. Raises ValueError without a rig."""
+        if self.rig is None:
+            raise ValueError("points: the rig is not known; match with rig= or calibration=")
+        depth = self.depth_m
+        y, x = np.nonzero(np.isfinite(depth))
+        z = depth[y, x]
+        rays = [(x - self.rig.cx_px) / self.rig.focal_px, (y - self.rig.cy_px) / self.rig.focal_px]
+        return np.stack([rays[0] * z, rays[1] * z, z], axis=-1).astype(np.float32)
 
 
 class Ranger:
@@ -76,8 +99,8 @@ class Ranger:
     algorithm: as on the command line, "v5:max_disparity=64". rig: a Rig of rectified images, or its
     numbers in a dictionary. calibration: the file of raw images (OpenCV, ROS, Kalibr, ...), which are
     rectified by it. filters: a file of `svl train filter`, or several. columns, rows: of the cells, up
-    to 64 each. threads: 0 is one per core. Several threads of Python may use one, in turns; after os.fork() each
-    process needs its own.
+    to 64 each. threads: 0 is one per core. Several threads of Python may use one, in turns; after
+    os.fork() each process needs its own.
 
     Raises ValueError, or OSError for a file that cannot be read. match() raises MemoryError where images
     need more than there is.
@@ -100,6 +123,8 @@ class Ranger:
         self._handle = extension.RangerHandle(
             algorithm, _numbers(rig), path, files, columns, rows, threads
         )
+        numbers = self._handle.rig()
+        self.rig: Rig | None = None if numbers is None else Rig(*numbers)
 
     def match(
         self,
@@ -109,18 +134,22 @@ class Ranger:
         stamp_ns: int | None = None,
         bits: int | None = None,
         bgr: bool = False,
+        scale: float | None = None,
     ) -> Match:
-        """Matches a pair of numpy arrays, which are not copied in Python.
+        """Matches a pair of numpy arrays, or of what np.asarray() makes arrays of.
 
         left, right: height x width of uint8 or uint16, or height x width x 3 or 4 of uint8 in red, green,
-        blue; rows may have gaps. bits: those in use of uint16, 8 to 16, which the array does not say
-        (mono10: 10, mono12: 12); required there. bgr: blue comes first, as in
-        OpenCV's images. stamp_ns: time of the exposure by any clock. v5 uses the cells of earlier pairs,
+        blue. bits: those in use of uint16, 8 to 16, which the array does not say (mono10: 10, mono12: 12);
+        required there. bgr: blue comes first, as in OpenCV's images. scale: factor of floats to 0..255;
+        required there. Arrays are copied only if pixels have gaps, or rows go backwards. stamp_ns: time of the exposure by any clock. v5 uses the cells of earlier pairs,
         unless more than a second has passed or the clock does not rise; without stamps all of them.
 
-        Raises TypeError or ValueError for images that do not fit, and the next pair may go on.
+        Raises TypeError or ValueError for images that do not fit, and the next pair may go on. Ctrl-C is
+        answered at once.
         """
-        return Match(*self._handle.match_pair(left, right, stamp_ns, bits, bgr))
+        left, right = image(left, "left", scale), image(right, "right", scale)
+        arrays = self._handle.match_pair(left, right, stamp_ns, bits, bgr)
+        return Match._make([*arrays, self.rig])
 
     def reset(self) -> None:
         """Forgets the earlier pairs: the next one is the first of another scene."""
@@ -186,6 +215,7 @@ def match(
     threads: int = 0,
     bits: int | None = None,
     bgr: bool = False,
+    scale: float | None = None,
 ) -> Match:
     """Matches one pair: no memory of earlier ones. Options are those of Ranger and Ranger.match().
 
@@ -213,7 +243,7 @@ def match(
         )
     else:
         ranger.reset()
-    found = ranger.match(left, right, bits=bits, bgr=bgr)
+    found = ranger.match(left, right, bits=bits, bgr=bgr, scale=scale)
     with _lock:
         if is_kept:
             _idle[key] = ranger

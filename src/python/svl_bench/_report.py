@@ -20,6 +20,9 @@ class Report:
 
     def __init__(self, folder: PathLike) -> None:
         self.folder = Path(folder)
+        self._temporary: object = None
+        if not self.folder.exists():
+            raise FileNotFoundError(f"{folder}: no such folder")
         try:
             self.data: dict[str, Any] = json.loads(self._text("summary.json"))
         except (FileNotFoundError, NotADirectoryError):
@@ -33,9 +36,12 @@ class Report:
         """All tables by their names, rows, cells, summary and so on: docs/tables.md explains the columns.
 
         frames: "polars", "pyarrow" or "pandas" for its data frames; None is the first of them that is
-        installed. Raises ImportError if none is, or the named one is not.
+        installed. Raises ImportError if none is, or the named one is not, FileNotFoundError if the folder is
+        gone.
         """
         read = _reader(frames)
+        if not self.folder.exists():
+            raise FileNotFoundError(f"{self.folder}: no such folder")
         return {path.stem: read(path.with_suffix("")) for path in sorted(self.folder.glob("*.csv"))}
 
     def __repr__(self) -> str:

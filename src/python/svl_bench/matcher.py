@@ -248,7 +248,8 @@ NORMALISATIONS: dict[str, tuple[Any, Any, Any]] = {
 def network_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of Network to a parser."""
     add = parser.add_argument
-    add("--channels", choices=["grey", "rgb"], help="of its images (default: as the model says)")
+    add("--channels", choices=["grey", "rgb", "bgr"], help="of its images (default: as the model says, "
+        "red first)")  # fmt: skip
     add("--normalise", choices=NORMALISATIONS, default="raw", help="raw: 0 to 255 (default); unit: 0 to "
         "1; signed: -1 to 1; imagenet: by ImageNet's mean and standard deviation")  # fmt: skip
     add("--multiple", type=int, default=32, help="width and height are padded to multiples of this, at "
@@ -279,7 +280,7 @@ class Network:
 
     def __init__(self, options: argparse.Namespace, channels: int) -> None:
         self.options = options
-        self.channels = {"grey": 1, "rgb": 3, None: channels}[options.channels]
+        self.channels = {"grey": 1, "rgb": 3, "bgr": 3, None: channels}[options.channels]
         self.padding = self.scale = (0, 0)
 
     def inputs(self, images: npt.NDArray[Any]) -> Floats:
@@ -299,8 +300,11 @@ class Network:
         size = self.options.size or planes.shape[1:3]
         below, right = (-n % self.options.multiple for n in size)
         self.inner = tuple(size)
+        tables = self._tables(count)
+        if self.options.channels == "bgr":
+            planes, tables = planes[..., ::-1], tables[::-1]
         padded = np.empty((len(planes), self.channels, size[0] + below, size[1] + right), np.float32)
-        for channel, table in enumerate(self._tables(count)):
+        for channel, table in enumerate(tables):
             inner = padded[:, channel, : size[0], : size[1]]
             # With another mode, numpy copies the output.
             if self.options.size:

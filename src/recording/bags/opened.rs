@@ -10,6 +10,7 @@ use crate::mcap::records::attachment;
 use crate::message::wire::CALIBRATION;
 use crate::stream::channel::{Channel, EventReader};
 use crate::stream::restamped::{Restamped, StampRules};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use svl_core::{Error, Result};
@@ -180,6 +181,15 @@ impl Recording {
             .header
             .as_ref()
             .map(|header| header.profile.as_str()))
+    }
+
+    /// Names of the topics of all files, sorted.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+    pub fn topics(&self) -> Result<BTreeSet<String>> {
+        let channels = self.channels()?.into_iter();
+        Ok(channels.map(|channel| channel.topic.clone()).collect())
     }
 
     /// The channels of all files: those in the summary, or else those found in reading the file up

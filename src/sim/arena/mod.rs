@@ -48,9 +48,9 @@ use svl_core::stereo::{Exposure, Frame, Geometry, Plane, Pose, Rig, StereoPair};
 use svl_core::{Error, Result};
 use view::{ImageSkew, PinholeView};
 
-/// Incremented when the same configuration and seed give other pixels or another truth, so that
-/// cached recordings are regenerated.
-pub const REVISION: u32 = 3;
+/// Incremented when the same configuration and seed give other pixels, another truth or another height
+/// of the camera, so that cached recordings are regenerated.
+pub const REVISION: u32 = 4;
 
 /// One run of the robot through the arena, or of frames without a path.
 pub struct Arena(Scenes);
@@ -95,6 +95,14 @@ impl Arena {
         match &self.0 {
             Scenes::Path { world, .. } => world.rig,
             Scenes::Shapes(shapes) => shapes.rig(),
+        }
+    }
+
+    /// Height of the cameras above the floor, metres; `None` without one.
+    pub fn above_floor_m(&self) -> Option<f64> {
+        match &self.0 {
+            Scenes::Path { world, .. } => Some(world.config.rig.above_floor_m),
+            Scenes::Shapes(_) => None,
         }
     }
 

@@ -155,6 +155,68 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
     }
 }
 
+/// The rows of docs/networks.md, on networks with their inputs and outputs and random weights.
+#[test]
+fn networks_that_people_know_run_by_the_options_of_their_rows() {
+    let Some(python) = python_with("numpy, onnx, onnxruntime") else {
+        return;
+    };
+    let fixture = Fixture::new();
+    fixture.record("a.mcap", "--frames 2");
+    let wrote = Command::new(&python)
+        .arg(format!("{ROOT}/tests/python/known_networks.py"))
+        .arg(format!("{ROOT}/docs/networks.md"))
+        .current_dir(fixture.path(""))
+        .output()
+        .unwrap();
+    let (rows, error) = (String::from_utf8(wrote.stdout).unwrap(), wrote.stderr);
+    assert!(
+        wrote.status.success(),
+        "{}",
+        String::from_utf8_lossy(&error)
+    );
+    let rows: Vec<_> = rows
+        .lines()
+        .filter_map(|row| row.split_once('\t'))
+        .collect();
+    assert_eq!(rows.len(), 7, "{rows:?}");
+    for (i, (name, options)) in rows.iter().enumerate() {
+        let net = |options: &str| {
+            let adapter = format!("'{ROOT}/adapters/svl_onnx.py' {name}.onnx {options}");
+            program(&python, &adapter)
+        };
+        // Two runs, and one without the row's options.
+        let algorithms = [
+            format!("one={},max_disparity=255", net(options)),
+            format!("two={},max_disparity=255", net(options)),
+            format!("bare={},max_disparity=255", net("")),
+        ];
+        let report = format!("r{i}");
+        let mut line = vec![
+            "score", "a.mcap", "-o", &report, "--rerun", "none", "--json",
+        ];
+        for algorithm in &algorithms {
+            line.extend(["--algo", algorithm]);
+        }
+        let ran = fixture.svl(&line);
+        assert!(matches!(ran.code, Some(0 | 4)), "{name}: {}", ran.stderr);
+        let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        let found = |label: &str| {
+            let rows = summary["algorithms"].as_array().unwrap();
+            let own = rows.iter().find(|own| own["algorithm"] == label);
+            own.unwrap_or_else(|| panic!("{name}: no {label}: {summary}"))
+                .clone()
+        };
+        let (one, two) = (found("one"), found("two"));
+        assert_eq!(one["results_hash"], two["results_hash"], "{name}");
+        assert!(one["coverage"].as_f64().unwrap() > 0.1, "{name}: {one}");
+        let bare = found("bare")["results_hash"].clone();
+        // The arena is grey: the order of colours changes nothing.
+        let is_equal = ["", "--channels bgr"].contains(options);
+        assert_eq!(one["results_hash"] == bare, is_equal, "{name}");
+    }
+}
+
 /// A real network on four pairs.
 #[test]
 fn tinystereo_is_right_on_the_arena() {

@@ -172,7 +172,46 @@ fn no_arguments_is_wrong_usage() {
 #[test]
 fn completions_and_the_man_page_are_printed() {
     let fixture = Fixture::new();
-    assert_says(&fixture.run("generate completions bash"), &["_svl"]);
+    let scripts = ["bash", "zsh", "fish"].map(|shell| {
+        let script = fixture.run(&format!("generate completions {shell}"));
+        assert_says(&script, &["sgm", "median_error", "svl generate topics --"]);
+        assert!(!script.contains("svl-topics"), "{shell}");
+        script
+    });
+    assert_says(&scripts[0], &["_svl"]);
+    fixture.record("a.mcap", "--frames 1");
+    let topics = fixture.run("generate topics -- svl score a.mcap none.mcap --truth /");
+    assert_says(&topics, &["/truth/depth\n"]);
+    // bash itself completes.
+    let svl = assert_cmd::cargo::cargo_bin!("svl");
+    let complete = |line: &str| {
+        let words = format!("COMP_WORDS=({line}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))");
+        let (last, before) = ("${COMP_WORDS[COMP_CWORD]}", "${COMP_WORDS[COMP_CWORD-1]}");
+        let code = format!(
+            "{}\n{words}\n_svl svl \"{last}\" \"{before}\"\necho \"${{COMPREPLY[@]}}\"",
+            scripts[0]
+        );
+        let path = std::env::var("PATH").unwrap_or_default();
+        let output = std::process::Command::new("bash")
+            .args(["-c", &code])
+            .current_dir(fixture.path(""))
+            .env(
+                "PATH",
+                format!("{}:{path}", svl.parent().unwrap().display()),
+            )
+            .output()
+            .unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    if cfg!(unix) {
+        assert_eq!(complete("svl score a.mcap --algo s"), "sgm\n");
+        assert_says(
+            &complete("svl score a.mcap --columns med"),
+            &["median_error"],
+        );
+        assert_says(&complete("svl score a.mcap --truth /tr"), &["/truth/depth"]);
+        assert_eq!(complete("svl score --truth a.m"), "a.mcap\n");
+    }
     assert_says(&fixture.run("generate man"), &[".TH svl"]);
     fixture.run("generate man -o man1");
     let page = fixture.text("man1/svl-calibrate-board.1");

@@ -448,8 +448,9 @@ fn files_belong_to_pairs_without_a_name_by_their_numbers() {
     // Numbers from 1 to that of the pairs begin with the first pair, in a range of them, too.
     renamed("0000", "0012");
     let ran = fixture.svl(&format!("{line} --every 2 --force")).exits(0);
+    // Files of the pairs between are not asked for.
     ran.says("files:'out/*.pfm': numbers 1 to 12 for pairs 0 to 11: 1 is pair 0")
-        .says("files:'out/*.pfm': 6 files used by no pair, the first is ./out/0002.pfm");
+        .lacks("used by no pair");
     let shifted = medians();
     assert_eq!(shifted.len(), 6 * 15);
     assert!(shifted.iter().all(|(i, px)| *px == 21.0 + *i as f64));

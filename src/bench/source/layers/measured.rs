@@ -269,8 +269,9 @@ impl Source for MeasuredSource<'_> {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
-        // Files are unused once all pairs were read.
-        for map in self.measured.all().filter(|_| self.has_ended) {
+        // Files are unused once all pairs were read, and not those of pairs beside a range.
+        let is_whole = self.has_ended && self.source.start_ns().is_none();
+        for map in self.measured.all().filter(|_| is_whole) {
             if let MeasuredMaps::Files(files) = map {
                 files.warn_of_unused();
             }

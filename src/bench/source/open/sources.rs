@@ -12,9 +12,10 @@ use crate::source::inputs::video::source::{VideoSource, is_video};
 use crate::source::layers::measured::{MeasuredMaps, SourceMaps, refuse_topics, topics_of};
 use crate::source::live::live_topics;
 use crate::source::live::live_topics::LiveTopics;
-use crate::source::opened::calibration::CalibrationFiles;
+use crate::source::opened::calibration::{Calib, CalibrationFiles};
 use crate::source::opened::open_source::Opened;
 use crate::source::opened::request::Request;
+use std::io;
 use std::path::Path;
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result, joined};
@@ -23,7 +24,7 @@ use svl_recording::{
     CameraFacts, Header, Recording, StampOrigin, StreamFacts, TRUTH_DEPTH, is_bag, is_recording,
 };
 use svl_score::scenario::{Scenario, ScenarioSource, flag};
-use svl_sim::arena::{Arena, RandomScenes};
+use svl_sim::arena::Arena;
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
@@ -299,15 +300,13 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     let mut kinds = SOURCES.iter().filter(|kind| !(names_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
     let Some(kind) = kind.filter(|kind| !kind.is_path() || path.exists()) else {
-        let what = if path.exists() {
-            "not a source"
-        } else {
-            "no such source"
-        };
         let expected = expected();
-        return Err(Error::Invalid(format!(
-            "{name}: {what}; expected {expected}"
-        )));
+        return Err(if path.exists() {
+            Error::Invalid(format!("{name}: not a source; expected {expected}"))
+        } else {
+            let words = format!("{name}: no such source; expected {expected}");
+            Error::other(io::Error::new(io::ErrorKind::NotFound, words))
+        });
     };
     refuse_options(request, kind)?;
     if !kind.is_recording() {
@@ -385,10 +384,9 @@ pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
             scenario.name
         )));
     };
-    let source = ArenaSource::new(Arena::new(config, seed)?, seed);
-    let is_on_floor = !config.random.is_some_and(RandomScenes::are_layers);
+    let arena = Arena::new(config, seed)?;
     let header = Header {
-        camera_height_m: is_on_floor.then_some(config.rig.above_floor_m),
+        camera_height_m: arena.above_floor_m(),
         scenario: Some(scenario.name.clone()),
         seed: Some(seed),
         hash: Some(ArenaSource::hash(config, seed)),
@@ -396,7 +394,11 @@ pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
     };
     Ok(Opened {
         scenario: Some(scenario.text.clone()),
-        ..Opened::new(source, header, format!("{}-seed{seed}", scenario.name))
+        ..Opened::new(
+            ArenaSource::new(arena, seed),
+            header,
+            format!("{}-seed{seed}", scenario.name),
+        )
     })
 }
 
@@ -536,6 +538,8 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         ..header
     };
     let truth_note = truth.as_ref().and_then(MapFiles::note);
+    let is_open = request.calib() == Calib::Own;
+    let lacking = source.lacks_cameras().filter(|_| is_open);
     let (calibration, unread) = match &source.calibration {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
@@ -553,7 +557,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         ..StreamFacts::from_images(&source.depth, folder.side_by_side, source.size)
     };
     Ok(Opened {
-        notes: truth_note.into_iter().collect(),
+        notes: truth_note.into_iter().chain(lacking).collect(),
         measured: SourceMaps {
             truth: truth.map(|files| MeasuredMaps::Files(Box::new(files))),
             ..SourceMaps::default()
@@ -631,6 +635,19 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_random_world_tells_the_height_of_its_own_cameras() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let scenario = Scenario::read(&folder.join("worlds.toml")).unwrap();
+        for seed in [1001, 1002, 1003] {
+            let mut opened = open_arena(&scenario, seed).unwrap();
+            let told_m = opened.header.camera_height_m.unwrap();
+            let frame = opened.source.next().unwrap().unwrap();
+            let camera_m = frame.pose.unwrap().translation.z;
+            assert!((told_m - camera_m).abs() < 0.01, "{told_m} {camera_m}");
+        }
+    }
 
     /// The sources without files, each with a name.
     fn without_files() -> impl Iterator<Item = (&'static SourceKind, &'static str)> {

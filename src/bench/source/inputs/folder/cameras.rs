@@ -9,7 +9,7 @@ use svl_files::read_text;
 
 pub(crate) const CALIB: &str = "calib.txt";
 /// KITTI's, of a whole day.
-const CAM_TO_CAM: &str = "calib_cam_to_cam.txt";
+pub(crate) const CAM_TO_CAM: &str = "calib_cam_to_cam.txt";
 /// Limit of its size in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 

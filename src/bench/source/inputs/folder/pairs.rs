@@ -70,6 +70,15 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
         );
         return Err(Error::format(folder, cure));
     }
+    if let Some(reason) = half(folder) {
+        return Err(Error::format(folder, reason));
+    }
+    let below = with_pairs(folder.to_owned(), MAX_LEVELS);
+    if !below.is_empty() {
+        let names = listed(below.iter().map(|path| path.display()));
+        let cure = "has no images itself; name a folder of pairs in it";
+        return Err(Error::format(folder, format!("{cure}: {names}")));
+    }
     let cure = "--left and --right name other patterns, --side-by-side reads images of both";
     Err(Error::format(
         folder,
@@ -79,6 +88,50 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
             known()
         ),
     ))
+}
+
+/// Layouts with a folder for each camera.
+fn with_folders() -> impl Iterator<Item = &'static Layout> {
+    LAYOUTS
+        .iter()
+        .filter(|layout| layout.images[0].contains('/'))
+}
+
+/// Reason of a folder that has the images of one side.
+fn half(folder: &Path) -> Option<String> {
+    with_folders().find_map(|Layout { name, images, .. }| {
+        let (there, missing) = match images.map(|pattern| has_images(folder, pattern)) {
+            [true, false] => (images[0], images[1]),
+            [false, true] => (images[1], images[0]),
+            _ => return None,
+        };
+        let words = "is missing or empty: both make the pairs";
+        Some(format!("has {there}, and {missing} {words} ({name})"))
+    })
+}
+
+fn has_images(folder: &Path, pattern: &str) -> bool {
+    find(folder, pattern).is_ok_and(|images| !images.is_empty())
+}
+
+/// Levels below a folder in which pairs are looked for, and the folders that are opened in each.
+const MAX_LEVELS: usize = 2;
+const MAX_FOLDERS: usize = 200;
+
+/// The folders at and below this one that have pairs, as those of a day of KITTI's.
+fn with_pairs(folder: PathBuf, levels: usize) -> Vec<PathBuf> {
+    let has = |pattern| has_images(&folder, pattern);
+    if with_folders().any(|layout| layout.images.into_iter().all(has)) {
+        return vec![folder];
+    }
+    let entries = entries(&folder).unwrap_or_default().into_iter();
+    let folders = entries.filter(|path| path.is_dir() && levels > 0);
+    let folders = folders.take(MAX_FOLDERS);
+    let mut found: Vec<_> = folders
+        .flat_map(|own| with_pairs(own, levels - 1))
+        .collect();
+    found.sort_unstable();
+    found
 }
 
 fn named(folder: &Path, patterns: [&str; 2]) -> Result<FoundPairs> {

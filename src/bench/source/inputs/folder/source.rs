@@ -3,8 +3,8 @@
 use super::map_files::MapFiles;
 use super::pairs::{FolderRequest, PairFiles, pairs};
 
-use super::cameras::{cameras, size_mismatch};
-use super::layout::Layout;
+use super::cameras::{CAM_TO_CAM, cameras, size_mismatch};
+use super::layout::{Cameras, Layout};
 use super::poses::poses;
 use super::stamps::{Stamp, stamps};
 use crate::source::frames::{Source, warn_of_rig};
@@ -88,6 +88,19 @@ impl FolderSource {
     /// [`Error::Io`], [`Error::Format`], [`Error::Usage`].
     pub fn truth(&self, selection: &SensorSelection) -> Result<MapFiles> {
         MapFiles::new(&self.folder, self.layout, selection)
+    }
+
+    /// The words that KITTI's cameras, which a file above the folder has, are unknown.
+    pub(crate) fn lacks_cameras(&self) -> Option<String> {
+        let cameras = self.layout.map(|layout| &layout.cameras);
+        let is_open = matches!(self.geometry, Geometry::Rectified(None));
+        (is_open && matches!(cameras, Some(Cameras::CamToCam(_)))).then(|| {
+            format!(
+                "{}: no {CAM_TO_CAM} in it or the two folders above, so there are no distances: \
+                 unpack the day's calibration there, or add --calib FILE",
+                self.folder.display()
+            )
+        })
     }
 
     /// Warns once of a pair whose size differs from that of the first one.
