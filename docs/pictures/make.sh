@@ -42,6 +42,11 @@ svl score four/course-4-v3.mcap --from 15.1 --to 15.2 --algo v5 --algo v3 --algo
 python3 "$root/docs/pictures/story.py" frame/index.html course/course-4.svg >story.html
 page story.png 1200,745 story.html
 
+svl score "$root/scenarios/drive.toml" --seeds 501 --algo truth --quiet -o way >/dev/null
+svl score way/course-501-truth.mcap --robot 0.16x0.12 --cells 24x12 --every 2 --algo bm --algo v3 --algo sgm --algo v5 \
+  --stress row_offset --quiet -o shifted --figures phantoms >/dev/null
+cp phantoms/row_offset-phantoms.svg "$root/docs/pictures/phantoms.svg"
+
 # A ROS 2 bag.
 svl record arena --ros2 --quiet -o drive.mcap
 svl score drive.mcap --truth /truth/depth --algo v1 --algo v3 --algo bm --algo sgm --algo v5 --quiet >/dev/null

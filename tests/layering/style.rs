@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 468),
     ("python", 394),
     ("recording", 13987),
-    ("report", 16399),
+    ("report", 16434),
     ("score", 9483),
     ("sim", 3544),
     ("thesis", 2644),

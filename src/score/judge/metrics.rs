@@ -716,7 +716,7 @@ pub const METRICS: &[Metric] = &[
     way("way_m", "metres at whose pairs cells have a free way", "m")
         .sum("way_m", Neither, Fact(|_| None))
         .unit(M, Neither),
-    way("phantoms_of_v5", "phantoms by truth or v5, too", "v5, too").sum(
+    way("phantoms_of_v5", "phantoms that truth or v5 has", "v5, too").sum(
         "phantoms_of_v5",
         Neither,
         Fact(|_| None),
