@@ -77,7 +77,8 @@ fn a_doubtful_way_stays_doubtful() {
     }
 }
 
-/// KITTI's poses need the floor below the camera, and times.
+/// KITTI's poses need the floor below the camera, and times; what v5 sees of still images, which
+/// contradict them, is told.
 #[test]
 fn a_way_in_a_folder_needs_a_floor() {
     let fixture = Fixture::new();
@@ -85,6 +86,12 @@ fn a_way_in_a_folder_needs_a_floor() {
     for i in 0..24 {
         let image = |camera: &str| format!("07/{camera}/{i:06}.pgm");
         fixture.write_pair(&image("image_0"), &image("image_1"), (40, 24), 1);
+        let far = [
+            b"Pf\n40 24\n-1\n",
+            &5.0_f32.to_le_bytes().repeat(40 * 24)[..],
+        ]
+        .concat();
+        fixture.write(&format!("07/tru/{i:06}.pfm"), far);
         poses += &format!("1 0 0 0 0 1 0 0 0 0 1 {}\n", 0.1 * f64::from(i));
         times += &format!("{}\n", 0.1 * f64::from(i));
     }
@@ -101,7 +108,8 @@ fn a_way_in_a_folder_needs_a_floor() {
     ));
     fixture.write("07/times.txt", times);
     fixture.transcript(&format!(
-        "{score} -o d --camera-height 0.3 => near: phantoms in => 0~ !needs a ground truth"
+        "{score} -o d --camera-height 0.3 => 0~ something moved, or poses | !needs a ground truth
+        {score} -o d --camera-height 0.3 --truth tru/*.pfm => near: phantoms in"
     ));
     let [phantoms, _, reports] = counts(&fixture, "d", "near");
     assert!(
