@@ -47,6 +47,21 @@ svl score way/course-501-truth.mcap --robot 0.16x0.12 --cells 24x12 --every 2 --
   --stress row_offset --quiet -o shifted --figures phantoms >/dev/null
 cp phantoms/row_offset-phantoms.svg "$root/docs/pictures/phantoms.svg"
 
+# Estimates beside the truth, and a board as truth.
+estimate() {
+  svl score "$root/scenarios/$1.toml" --seeds "$2" --every 2 --algo sgm --algo bm --algo v3 --algo v4 --algo dp \
+    --columns wrong,estimated_wrong --rerun none --quiet -o "$1" >/dev/null
+}
+estimate arena 81,82
+estimate worlds 1001..1020
+python3 "$root/docs/pictures/estimates.py" arena worlds >"$root/docs/pictures/estimates.svg"
+svl record board --frames 120 --quiet -o board.mcap
+svl calibrate board board.mcap --squares 9x6 --square-m 0.025 --yes -o board.yml >/dev/null
+svl score board.mcap --calib board.yml --truth board:9x6 --cells 24x12 --every 6 --algo v5:max_disparity=160 \
+  --algo bm:max_disparity=160 --rerun none --quiet -o board >/dev/null
+python3 "$root/docs/pictures/board.py" board/index.html >board.html
+page board.png 1200,335 board.html
+
 # A ROS 2 bag.
 svl record arena --ros2 --quiet -o drive.mcap
 svl score drive.mcap --truth /truth/depth --algo v1 --algo v3 --algo bm --algo sgm --algo v5 --quiet >/dev/null

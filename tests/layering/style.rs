@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13982),
+    ("bench", 13990),
     ("c", 478),
     ("calibrate", 4988),
     ("cli", 11273),
@@ -78,9 +78,9 @@ const LINES: [(&str, usize); 16] = [
     ("live", 468),
     ("python", 394),
     ("recording", 13987),
-    ("report", 16434),
-    ("score", 9483),
-    ("sim", 3544),
+    ("report", 16457),
+    ("score", 9496),
+    ("sim", 3550),
     ("thesis", 2644),
     ("train", 3435),
     ("viewer", 1776),

@@ -255,9 +255,9 @@ pub fn wrong(probability: f64, difference: f64) -> f64 {
 }
 
 /// Difference of a report from that of the witness, in tolerances; `None` unless both know the
-/// cell. `floor_m`: the distance of the floor, if it is one. The report is then compared with the
-/// middle of both: all matchers see the far part alone of floor that begins nearer than their
-/// ranges, and a plane is that of a robot that does not tilt.
+/// cell. `floor_m`: the distance of the floor, if it is one. If that is nearer, the report is
+/// compared with the middle of both: all matchers see the far part alone of floor that begins
+/// nearer than their ranges, and a plane is that of a robot that does not tilt.
 fn difference(
     own: &CellRow,
     witness: &CellRow,
@@ -277,7 +277,8 @@ fn difference(
             CellRule::Disparity { tolerance_px } => (px - witness_px).abs() / tolerance_px,
             CellRule::Distance { .. } => {
                 let (m, witness_m) = (own.distance_m?, witness.distance_m?);
-                let witness_m = 0.5 * (witness_m + floor_m.unwrap_or(witness_m));
+                let nearest_m = floor_m.unwrap_or(witness_m).min(witness_m);
+                let witness_m = 0.5 * (witness_m + nearest_m);
                 (m - witness_m).abs() / rule.tolerance_at_m(witness_m)
             }
         },

@@ -48,8 +48,8 @@ use svl_core::stereo::{Exposure, Frame, Geometry, Plane, Pose, Rig, StereoPair};
 use svl_core::{Error, Result};
 use view::{ImageSkew, PinholeView};
 
-/// Incremented when the same configuration and seed give other pixels, another truth or another height
-/// of the camera, so that cached recordings are regenerated.
+/// Incremented when the same configuration and seed give other pixels, another truth or another
+/// height of the cameras, so that cached recordings are regenerated.
 pub const REVISION: u32 = 4;
 
 /// One run of the robot through the arena, or of frames without a path.
