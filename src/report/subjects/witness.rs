@@ -706,7 +706,7 @@ mod tests {
         let area = |choice| AreaChoice::ALL.iter().position(|own| *own == choice);
         let (all, own) = (area(AreaChoice::All), area(AreaChoice::Floor));
         let (with, without) = (estimated(Some(floor)), estimated(None));
-        assert_eq!((with[all.unwrap()], with[own.unwrap()]), (0.37, 0.37));
+        assert_eq!((with[all.unwrap()], with[own.unwrap()]), (0.8, 0.8));
         assert_eq!((without[all.unwrap()], without[own.unwrap()]), (0.05, 0.0));
     }
 

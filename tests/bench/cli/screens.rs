@@ -141,8 +141,8 @@ fn a_drive() {
 fn a_recording_without_truth() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 40);
-    let mut recordings = std::fs::read_dir(fixture.path("recordings")).unwrap();
-    let first = recordings.next().unwrap().unwrap().path();
+    let recordings = std::fs::read_dir(fixture.path("recordings")).unwrap();
+    let first = recordings.map(|file| file.unwrap().path()).min().unwrap();
     fixture.run(&[
         "record",
         first.to_str().unwrap(),
