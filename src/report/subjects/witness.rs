@@ -277,8 +277,7 @@ fn difference(
             CellRule::Disparity { tolerance_px } => (px - witness_px).abs() / tolerance_px,
             CellRule::Distance { .. } => {
                 let (m, witness_m) = (own.distance_m?, witness.distance_m?);
-                let nearest_m = floor_m.unwrap_or(witness_m).min(witness_m);
-                let witness_m = 0.5 * (witness_m + nearest_m);
+                let witness_m = 0.5 * (witness_m + floor_m.unwrap_or(witness_m).min(witness_m));
                 (m - witness_m).abs() / rule.tolerance_at_m(witness_m)
             }
         },
