@@ -715,6 +715,7 @@ class Writing(InFolder):
             ([(left, right), (left, None)], TypeError, ["right of pair 1"]),
             ([(left, right[:-1])], ValueError, ["pair 0", r"\(96, 160\) and \(95, 160\)"]),
             ([(left,)], ValueError, ["expected"]),
+            ([(left, right, 5), (left, right)], ValueError, ["1 of 2 pairs have a stamp"]),
             ([(left.astype(np.uint16), right)], ValueError, ["bits=N"]),
             ([(left[..., None].repeat(2, 2), right)], ValueError, ["no image"]),
         ]:

@@ -388,11 +388,10 @@ impl BlockShots {
         judged: &Judged,
         scored: &JudgedEstimate,
     ) {
-        let Some(mut badness) = badness(scored, self.cells) else {
+        let unseen_m = self.unseen_m(judged, scored);
+        let Some(badness) = badness(scored, self.cells, unseen_m) else {
             return;
         };
-        let unseen_m = self.unseen_m(judged, scored);
-        badness.unseen = unseen_m.map_or(0.0, f64::recip);
         let is_scene = scene_name(identity, judged).is_some();
         let frame = WorstFrame {
             badness,
@@ -444,15 +443,15 @@ fn scene_name<'a>(identity: &RowIdentity, judged: &'a Judged) -> Option<&'a Stri
     name.filter(|_| identity.run.is_none())
 }
 
-/// Missed cells, and the wrong ones of the headline's area with their largest error; absent without
-/// truth.
-fn badness(scored: &JudgedEstimate, rule: CellRule) -> Option<Badness> {
+/// The test piece that is not seen, missed cells, and the wrong ones of the headline's area with
+/// their largest error; absent without truth.
+fn badness(scored: &JudgedEstimate, rule: CellRule, unseen_m: Option<f64>) -> Option<Badness> {
     let cells = scored.cells.as_ref()?;
     let errors = cells.iter().zip(scored.estimate.grid.iter());
     let errors = errors.filter(|(judged, _)| AreaChoice::default().has(judged.area));
     let errors = errors.filter_map(|(judged, (_, cell))| judged.error_in_tolerances(cell, rule));
     Some(Badness {
-        unseen: 0.0,
+        unseen: unseen_m.map_or(0.0, f64::recip),
         missed: cells.iter().filter(|cell| cell.near.missed).count() as u64,
         wrong: scored.metrics.get("wrong")? as u64,
         // JSON has no infinity.

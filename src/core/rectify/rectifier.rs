@@ -133,20 +133,21 @@ impl Rectifier {
     /// The errors of [`Rectifier::apply`].
     pub fn apply_alone(&self, pair: [&Gray; 2]) -> Result<[Gray; 2]> {
         let (width, height) = self.size();
-        let mut rectified = [pair[0].clone(), pair[1].clone()];
-        for ((remap, source), out) in [&self.left, &self.right]
-            .into_iter()
-            .zip(pair)
-            .zip(&mut rectified)
-        {
+        let rectified = |remap: &Remap, source: &Gray| {
             remap.check(source)?;
-            if !self.is_identity {
-                let mut pixels = vec![0; width * height];
-                remap.rows(self.isa, &gapless(source), 0..height, &mut pixels);
-                *out = Gray::from_vec(width, height, pixels)?;
+            if self.is_identity {
+                return Ok(source.clone());
             }
-        }
-        Ok(rectified)
+            let mut out = Gray::filled(width, height, 0)?;
+            // `Gray::filled` makes contiguous rows.
+            let pixels = out.as_mut_slice().expect("gapless");
+            remap.rows(self.isa, &gapless(source), 0..height, pixels);
+            Ok(out)
+        };
+        Ok([
+            rectified(&self.left, pair[0])?,
+            rectified(&self.right, pair[1])?,
+        ])
     }
 
     /// [`Rectifier::apply`] for each of the three colours.

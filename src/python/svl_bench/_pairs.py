@@ -138,6 +138,8 @@ def write(
                     has_truth = True
         if not size[0]:
             raise ValueError(f"{output}: there are no pairs to write")
+        if len(stamps) not in (0, number + 1):
+            raise ValueError(f"{len(stamps)} of {number + 1} pairs have a stamp: give it for all, or for none")
         if stamps:
             (folder / "cam0/data.csv").write_text("".join(stamps))
         if rig is not None and "calib" not in options:

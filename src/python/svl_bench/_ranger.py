@@ -141,8 +141,9 @@ class Ranger:
         left, right: height x width of uint8 or uint16, or height x width x 3 or 4 of uint8 in red, green,
         blue. bits: those in use of uint16, 8 to 16, which the array does not say (mono10: 10, mono12: 12);
         required there. bgr: blue comes first, as in OpenCV's images. scale: factor of floats to 0..255;
-        required there. Arrays are copied only if pixels have gaps, or rows go backwards. stamp_ns: time of the exposure by any clock. v5 uses the cells of earlier pairs,
-        unless more than a second has passed or the clock does not rise; without stamps all of them.
+        required there. Arrays are copied only if pixels have gaps, or rows go backwards. stamp_ns: time of the
+        exposure by any clock. v5 uses the cells of earlier pairs, unless more than a second has passed or
+        the clock does not rise; without stamps all of them.
 
         Raises TypeError or ValueError for images that do not fit, and the next pair may go on. Ctrl-C is
         answered at once.

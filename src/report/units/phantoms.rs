@@ -114,7 +114,8 @@ impl RunPhantoms {
             let is_sure = label != WITNESS || cell.probability >= Some(SURE);
             cell.distance_m.or(far_m).filter(|_| is_sure)
         };
-        // True of a cell in which something is nearer, by its truth, else by v5.
+        // True of a cell in which something is nearer, by its truth, which the cells of any
+        // algorithm have, else by v5, the first.
         let mut seen = BTreeMap::new();
         for (label, _, disparities) in labels.iter().take(2) {
             self.read(plain, label, |cell, free_m| {

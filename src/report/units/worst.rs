@@ -266,18 +266,21 @@ mod tests {
     }
 
     #[test]
-    fn missed_cells_come_before_wrong_ones_and_these_before_errors() {
-        let bad = |missed, wrong, error| Badness {
-            unseen: 0.0,
+    fn a_piece_unseen_comes_before_missed_cells_these_before_wrong_ones_and_errors() {
+        let bad = |unseen, missed, wrong, error| Badness {
+            unseen,
             missed,
             wrong,
             error,
         };
         let order = [
-            bad(0, 0, 9.0),
-            bad(0, 1, 2.0),
-            bad(0, 1, 3.0),
-            bad(1, 0, 0.0),
+            bad(0.0, 0, 0, 9.0),
+            bad(0.0, 0, 1, 2.0),
+            bad(0.0, 0, 1, 3.0),
+            bad(0.0, 1, 0, 0.0),
+            // At 2 m and at 1 m.
+            bad(0.5, 0, 0, 0.0),
+            bad(1.0, 0, 0, 0.0),
         ];
         assert!(order.is_sorted_by(|a, b| a.order(b).is_lt()));
     }

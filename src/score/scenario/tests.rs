@@ -239,120 +239,123 @@ fn limits_are_checked_and_know_their_lines() {
     assert!(gate("metric = \"right\"\nrelative_to = \"prior\"\nmin = 0").is_ok());
 }
 
+/// Limits, and words of the error of each.
+const REFUSED_LIMITS: &[(&str, &str)] = &[
+    ("metric = \"wrong\"", "gate in line 8: needs min or max"),
+    (
+        "metric = \"rmse\"\nmin = -0.1",
+        "gate in line 8: min = -0.1: expected a number, 0 or more",
+    ),
+    ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
+    (
+        "metric = \"wrong\"\nmax = nan",
+        "max = NaN: expected a share, 0 to 1",
+    ),
+    (
+        "metric = \"bias\"\nmax = 0.1",
+        "give min too, or max_magnitude",
+    ),
+    (
+        "metric = \"bias\"\nmin = -0.1",
+        "give max too, or max_magnitude",
+    ),
+    (
+        "metric = \"bias\"\nmax_magnitude = -1",
+        "max_magnitude = -1",
+    ),
+    (
+        "metric = \"bias\"\nmax_magnitude = 1\nmin = 0",
+        "stands alone",
+    ),
+    (
+        "metric = \"rmse\"\nmax_magnitude = 1",
+        "belongs to row_offset, bias;",
+    ),
+    (
+        "metric = \"row_offset\"\nmax = 0.5",
+        "max alone: give min too",
+    ),
+    (
+        "metric = \"bias\"\nmax_magnitude = 0",
+        "max_magnitude = 0: expected a number above 0",
+    ),
+    (
+        "metric = \"bias\"\nmax = 0.1\nrelative_to = \"prior\"",
+        "relative_to = \"prior\" belongs to right, wrong,",
+    ),
+    (
+        "metric = \"near\"\nmax = 0\nrelative_to = \"prior\"",
+        "relative_to = \"prior\" belongs to right",
+    ),
+    (
+        "metric = \"missed\"\nmax = 1\nmin_cases = 18446744073709551615",
+        "min_cases: expected 1 to 9223372036854775807",
+    ),
+    (
+        "metric = \"wrong\"\nmax = 1",
+        "a share, 0 to 1: 1 is always kept, 1 % is 0.01",
+    ),
+    (
+        "metric = \"right\"\nmin = 0",
+        "0 is always kept, 1 % is 0.01",
+    ),
+    (
+        "metric = \"missed\"\nmin = 0",
+        "min = 0: a number, 0 or more: 0 is always kept",
+    ),
+    (
+        "metric = \"right\"\nrelative_to = \"prior\"\nmin = -1",
+        "a share, -1 to 1: -1 is always kept",
+    ),
+    (
+        "metric = \"missed\"\nmax = 1\nmin_cases = 0",
+        "min_cases = 0: expected 1 or more",
+    ),
+    (
+        "metric = \"rmse\"\nmax = 1\nmin_share = 0",
+        "min_share = 0: expected a share, above 0",
+    ),
+    (
+        "metric = \"rmse\"\nmax = 1\nmin_share = 2",
+        "min_share = 2: expected a share",
+    ),
+    (
+        "metric = \"missed\"\nmax = 1\nmin_share = 0.5",
+        "belongs to bias, rmse",
+    ),
+    (
+        "metric = \"wrong\"\nmin = 0.2\nmax = 0.1",
+        "min is above max",
+    ),
+    ("metric = \"time\"\nmax = 5", "relative_to"),
+    (
+        "metric = \"wrong\"\nmax = 0.1\nrelative_to = \"v1\"",
+        "absolute",
+    ),
+    ("metric = \"wrong\"\nmax = 0.1\ncheckpoint = 1", "passed"),
+    (
+        "metric = \"passed\"\nmin = 0.1\ncheckpoint = 1",
+        "no checkpoint 1",
+    ),
+    (
+        "metric = \"time\"\nmax = 1\nrelative_to = \"v3\"",
+        "names the algorithm itself",
+    ),
+    (
+        "metric = \"missed\"\nmax = 5\narea = \"floor\"",
+        "gate in line 8: area belongs to right, wrong",
+    ),
+    (
+        "metric = \"right\"\nmin = 0.5\narea = \"flor\"",
+        "unknown variant `flor`",
+    ),
+    ("metric = \"wrnog\"\nmax = 1", "line 10"),
+];
+
 #[test]
 fn limits_that_mean_nothing_are_refused() {
     let gate = |limit: &str| parse(&format!("{MINIMAL}[[gate]]\nalgorithm = \"v3\"\n{limit}"));
-    for (limit, word) in [
-        ("metric = \"wrong\"", "gate in line 8: needs min or max"),
-        (
-            "metric = \"rmse\"\nmin = -0.1",
-            "gate in line 8: min = -0.1: expected a number, 0 or more",
-        ),
-        ("metric = \"wrong\"\nmax = 5", "5 % is 0.05"),
-        (
-            "metric = \"wrong\"\nmax = nan",
-            "max = NaN: expected a share, 0 to 1",
-        ),
-        (
-            "metric = \"bias\"\nmax = 0.1",
-            "give min too, or max_magnitude",
-        ),
-        (
-            "metric = \"bias\"\nmin = -0.1",
-            "give max too, or max_magnitude",
-        ),
-        (
-            "metric = \"bias\"\nmax_magnitude = -1",
-            "max_magnitude = -1",
-        ),
-        (
-            "metric = \"bias\"\nmax_magnitude = 1\nmin = 0",
-            "stands alone",
-        ),
-        (
-            "metric = \"rmse\"\nmax_magnitude = 1",
-            "belongs to row_offset, bias;",
-        ),
-        (
-            "metric = \"row_offset\"\nmax = 0.5",
-            "max alone: give min too",
-        ),
-        (
-            "metric = \"bias\"\nmax_magnitude = 0",
-            "max_magnitude = 0: expected a number above 0",
-        ),
-        (
-            "metric = \"bias\"\nmax = 0.1\nrelative_to = \"prior\"",
-            "relative_to = \"prior\" belongs to right, wrong,",
-        ),
-        (
-            "metric = \"near\"\nmax = 0\nrelative_to = \"prior\"",
-            "relative_to = \"prior\" belongs to right",
-        ),
-        (
-            "metric = \"missed\"\nmax = 1\nmin_cases = 18446744073709551615",
-            "min_cases: expected 1 to 9223372036854775807",
-        ),
-        (
-            "metric = \"wrong\"\nmax = 1",
-            "a share, 0 to 1: 1 is always kept, 1 % is 0.01",
-        ),
-        (
-            "metric = \"right\"\nmin = 0",
-            "0 is always kept, 1 % is 0.01",
-        ),
-        (
-            "metric = \"missed\"\nmin = 0",
-            "min = 0: a number, 0 or more: 0 is always kept",
-        ),
-        (
-            "metric = \"right\"\nrelative_to = \"prior\"\nmin = -1",
-            "a share, -1 to 1: -1 is always kept",
-        ),
-        (
-            "metric = \"missed\"\nmax = 1\nmin_cases = 0",
-            "min_cases = 0: expected 1 or more",
-        ),
-        (
-            "metric = \"rmse\"\nmax = 1\nmin_share = 0",
-            "min_share = 0: expected a share, above 0",
-        ),
-        (
-            "metric = \"rmse\"\nmax = 1\nmin_share = 2",
-            "min_share = 2: expected a share",
-        ),
-        (
-            "metric = \"missed\"\nmax = 1\nmin_share = 0.5",
-            "belongs to bias, rmse",
-        ),
-        (
-            "metric = \"wrong\"\nmin = 0.2\nmax = 0.1",
-            "min is above max",
-        ),
-        ("metric = \"time\"\nmax = 5", "relative_to"),
-        (
-            "metric = \"wrong\"\nmax = 0.1\nrelative_to = \"v1\"",
-            "absolute",
-        ),
-        ("metric = \"wrong\"\nmax = 0.1\ncheckpoint = 1", "passed"),
-        (
-            "metric = \"passed\"\nmin = 0.1\ncheckpoint = 1",
-            "no checkpoint 1",
-        ),
-        (
-            "metric = \"time\"\nmax = 1\nrelative_to = \"v3\"",
-            "names the algorithm itself",
-        ),
-        (
-            "metric = \"missed\"\nmax = 5\narea = \"floor\"",
-            "gate in line 8: area belongs to right, wrong",
-        ),
-        (
-            "metric = \"right\"\nmin = 0.5\narea = \"flor\"",
-            "unknown variant `flor`",
-        ),
-        ("metric = \"wrnog\"\nmax = 1", "line 10"),
-    ] {
+    for (limit, word) in REFUSED_LIMITS {
         let error = gate(limit).unwrap_err().to_string();
         assert!(error.contains(word), "{limit}: {error}");
     }

@@ -64,8 +64,9 @@ fn reaches_are_those_of_the_cells() {
         score a.toml --rerun none --algo v5 -o c -q --shard 1/2
         score a.toml --rerun none --algo v5 -o d -q --shard 2/2
         report c d -o e -q
-        score a.toml --rerun none --algo bm:max_disparity=16 --seeds 1 -o f -q
-        cat f/index.html => : 20 x 20 cm at 0. | m is not seen | fails: | worst frame",
+        score a.toml --rerun none --algo bm:max_disparity=16 --seeds 1..2 -o f -q
+        cat f/index.html => : 20 x 20 cm at 0.5 | : 10 x 20 cm at 0.5 | m is not seen \
+        | worst frame | !2nd worst frame",
     );
     assert!(!fixture.path("recordings").exists());
     let seen = seen_by_cells(&fixture, "a");
