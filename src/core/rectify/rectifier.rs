@@ -132,21 +132,10 @@ impl Rectifier {
     /// # Errors
     /// The errors of [`Rectifier::apply`].
     pub fn apply_alone(&self, pair: [&Gray; 2]) -> Result<[Gray; 2]> {
-        let (width, height) = self.size();
-        let rectified = |remap: &Remap, source: &Gray| {
-            remap.check(source)?;
-            if self.is_identity {
-                return Ok(source.clone());
-            }
-            let mut out = Gray::filled(width, height, 0)?;
-            // `Gray::filled` makes contiguous rows.
-            let pixels = out.as_mut_slice().expect("gapless");
-            remap.rows(self.isa, &gapless(source), 0..height, pixels);
-            Ok(out)
-        };
+        let [left, right] = pair;
         Ok([
-            rectified(&self.left, pair[0])?,
-            rectified(&self.right, pair[1])?,
+            self.left.apply(self.isa, left)?,
+            self.right.apply(self.isa, right)?,
         ])
     }
 
@@ -309,6 +298,8 @@ mod tests {
             rectifier.right.apply(Isa::BASELINE, pair.right()),
         ];
         let expected = expected.map(|image| image.unwrap());
+        let alone = rectifier.apply_alone([pair.left(), pair.right()]);
+        assert!(alone.unwrap() == expected);
         for isa in Isa::available() {
             for threads in 1..=4 {
                 assert!(
