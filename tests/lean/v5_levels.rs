@@ -2,7 +2,7 @@
 
 use crate::oracle::scenes::{Scene, pair, pool};
 use svl_core::kernel::Isa;
-use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, V5Model, Value};
 use svl_core::stereo::{Cell, DepthGrid, Gray, RectifiedPair, Rig, StereoPair};
 
 fn rig(width: usize) -> Rig {
@@ -129,6 +129,38 @@ fn a_coarser_level_decides_where_the_finest_sees_nothing() {
         known(&grid).iter().filter(right).count(),
         known(&grid).len()
     );
+}
+
+/// Reports of either level from `obstacle_m` to 2 m; none if a confidence is given.
+#[test]
+fn near_reports_of_several_levels_are_held_to_less() {
+    let mut model = V5Model::built_in();
+    for table in [&mut model.levels.finest, &mut model.levels.coarsest] {
+        assert_eq!(table.near_least_score, model.median.near_least_score);
+        table.base -= 20_000;
+        table.near_least_score = Some(-50_000);
+    }
+    let file = Value::file("m", model.to_bytes());
+    let known_cells = |text: &str, shift: i32| {
+        let algorithm: Algorithm = text.parse().unwrap();
+        let algorithm = algorithm.with("model", &file).unwrap();
+        let mut output = MatchOutput::new().unwrap();
+        let context = MatchContext {
+            rig: Some(rig(640)),
+            ..MatchContext::default()
+        };
+        let pair = wide((640, 240), shift, 20);
+        let pair = RectifiedPair::assume(&pair);
+        let mut matcher = algorithm.build().unwrap();
+        matcher.compute(pair, &context, &mut output).unwrap();
+        known(&output.grid.unwrap()).len()
+    };
+    // 1.2, 2.9 and 0.4 m.
+    let near = known_cells("v5", 24);
+    assert!(near > 7, "{near}");
+    assert!(known_cells("v5:width=320", 24) > 7);
+    assert_eq!([10, 70].map(|shift| known_cells("v5", shift)), [0, 0]);
+    assert_eq!(known_cells("v5:confidence=0.8", 24), 0);
 }
 
 #[test]

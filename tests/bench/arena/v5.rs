@@ -86,21 +86,24 @@ struct Flags {
 /// built-in one.
 #[test]
 fn a_model_of_an_earlier_revision_decides_as_before() {
-    let built_in = V5Model::built_in();
-    let median = VerdictTable {
-        near_least_score: None,
-        ..built_in.median.clone()
-    };
-    let earlier = V5Model {
-        median,
-        near_small: None,
-        ..built_in
-    };
+    let mut earlier = V5Model::built_in();
+    earlier.near_small = None;
+    let levels = &mut earlier.levels;
+    for table in [
+        &mut earlier.median,
+        &mut levels.finest,
+        &mut levels.coarsest,
+    ] {
+        table.near_least_score = None;
+    }
     let v5: Algorithm = "v5".parse().unwrap();
     let earlier = v5.with("model", &Value::file("m", earlier.to_bytes()));
-    let arena = Arena::new(&ArenaConfig::default(), 305).unwrap();
     let mut hashes = Vec::new();
-    for (columns, rows) in [(5, 3), (24, 12)] {
+    for (factor, columns, rows) in [(1, 5, 3), (1, 24, 12), (2, 5, 3)] {
+        let mut config = ArenaConfig::default();
+        config.rig.width_px *= factor;
+        config.rig.height_px *= factor;
+        let arena = Arena::new(&config, 305).unwrap();
         for algorithm in [earlier.as_ref().unwrap(), &v5] {
             let mut matcher = algorithm.build().unwrap();
             let (mut hash, mut surfaces) = (0, 0);
@@ -136,12 +139,15 @@ fn a_model_of_an_earlier_revision_decides_as_before() {
         }
     }
     let surfaces = hashes.iter().map(|(_, surfaces)| *surfaces > 0);
-    assert_eq!(surfaces.collect::<Vec<_>>(), [false, false, false, true]);
+    let expected = [false, false, false, true, false, false];
+    assert_eq!(surfaces.collect::<Vec<_>>(), expected);
     let known = [
         "h9c9fac458443dca5acef8b1771476e1d",
         "h05268d18d1eb66e732c1ee1aa0844adb",
+        "h7863150930c9941714b23e9830fff7c9",
     ];
-    assert_eq!([&hashes[0].0, &hashes[2].0], known);
+    assert_eq!([0, 2, 4].map(|i| &hashes[i].0), known);
+    assert_ne!(hashes[4], hashes[5]);
 }
 
 /// Reports that are known by the least score of near ones alone: none is beyond 0.75 m in a cell

@@ -3,11 +3,11 @@
 use super::levels::{Levels, MAX_COARSEST, has_small_cells, places};
 use super::past::PairKey;
 use crate::depth::decision::{
-    BINS_PER_PX, CellPast, CellPixels, Feature, LevelRule, Past, SafeChoice, Tolerance, cell,
-    probability,
+    BINS_PER_PX, CellPast, CellPixels, Feature, LevelRule, Past, SafeChoice, Tolerance,
+    VerdictTable, cell, probability,
 };
 use crate::matcher::MatchContext;
-use crate::stereo::{Cell, CellEvidence, CellRule, LevelCell, NearSurface};
+use crate::stereo::{Cell, CellRule, LevelCell, NearSurface};
 use rayon::prelude::*;
 
 /// The narrowest rule of distances, metres and percent, that the tables of images up to 400 px were
@@ -48,8 +48,8 @@ struct Deciding<'a> {
     choice: &'a SafeChoice,
     rule: LevelRule<'a>,
     is_small: bool,
-    /// True for images as narrow as those that `near_least_score` was chosen for.
-    is_narrow_image: bool,
+    /// False for images of one level that are wider than those its `near_least_score` is for.
+    has_near_least: bool,
     /// Number of levels, computed or not.
     count: usize,
     /// `obstacle_m` and `clear_m` of the rule.
@@ -108,7 +108,7 @@ impl Levels {
                 rig: rig.as_ref(),
             },
             is_small,
-            is_narrow_image: self.plan.size.0 <= MAX_COARSEST,
+            has_near_least: all > 1 || self.plan.size.0 <= MAX_COARSEST,
             count: all,
             near_m: context.cells.obstacle_and_clear_m(),
             beyond_m: context.cells.beyond_m().unwrap_or(BEYOND_M),
@@ -277,12 +277,14 @@ impl Deciding<'_> {
         decision.percentiles = pixels.percentiles();
         decision.evidence = Some(evidence);
         let is_nearer = |metres| self.is_nearer(evidence.report, decision.level, metres);
-        let near_least = table.near_least_score.filter(|_| self.is_narrow_image);
-        let near_least = near_least.filter(|_| is_nearer(self.beyond_m));
+        // Reports of several levels below `obstacle_m` are held to as much as all others.
+        let may_gain = is_nearer(self.beyond_m) && (self.count == 1 || !is_nearer(self.near_m.0));
+        let near_least = table
+            .near_least_score
+            .filter(|_| self.has_near_least && may_gain);
+        let hides_near = || self.hides_near(level, decision.level, evidence.report, pixels);
         let least = |least_score, score| match near_least {
-            Some(near_least) if score >= least_score || !self.hides_near(&evidence, pixels) => {
-                near_least
-            }
+            Some(near_least) if score >= least_score || !hides_near() => near_least,
             _ => least_score,
         };
         (decision.scores, decision.least_score) = ([own; 2], least(table.least_score, own));
@@ -303,16 +305,16 @@ impl Deciding<'_> {
         before.after(relation, evidence.report, own, self.stamp_ns)
     }
 
-    /// True if a report of a pair with one level, beyond `clear_m`, would hide that the nearest
-    /// quarter of its cell reports something nearer than `obstacle_m`, however probable.
-    fn hides_near(&self, evidence: &CellEvidence, pixels: &CellPixels) -> bool {
-        let reports = || {
-            let table = self.choice.near.as_ref()?;
-            Some(table.evidence(pixels, self.rule.tolerances.last()?).report)
-        };
+    /// True if a report of a level, beyond `clear_m`, would hide that the nearest quarter of its
+    /// cell reports something nearer than `obstacle_m`, however probable.
+    fn hides_near(&self, level: usize, number: u8, report: i64, pixels: &CellPixels) -> bool {
         let (obstacle_m, clear_m) = self.near_m;
-        !self.is_nearer(evidence.report, 0, clear_m)
-            && reports().is_some_and(|report| self.is_nearer(report, 0, obstacle_m))
+        let is_obstacle = |table: &VerdictTable| {
+            let nearest = table.evidence(pixels, &self.rule.tolerances[level]);
+            self.is_nearer(nearest.report, number, obstacle_m)
+        };
+        !self.is_nearer(report, number, clear_m)
+            && self.choice.near.as_ref().is_some_and(is_obstacle)
     }
 
     /// The cell as the chosen level reports it; unknown, as the finest has it, without one.

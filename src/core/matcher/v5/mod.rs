@@ -129,7 +129,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             unit: "",
             range: Range::real(0.0, 0.0..=0.999),
             description: "least probability of a cell that is reported, 0 = the model's: 0.9; \
-                          up to 400 px of width 0.93 with earlier reports, 0.82 below 2 m",
+                          up to 400 px of width 0.93 with earlier reports, 0.82 below 2 m; \
+                          in wider images 0.82 from 0.5 to 2 m",
         },
     ],
     cells: Some(safe_choice),
