@@ -102,6 +102,7 @@ struct ReplyLine {
     #[serde(default)]
     seq: u64,
     millis: Option<f64>,
+    preparing_millis: Option<f64>,
     error: Option<String>,
     cells: Option<Vec<Option<ReplyCell>>>,
     hello: Option<Hello>,
@@ -133,6 +134,8 @@ pub(super) enum Reply {
     /// Disparities in raster order, as received.
     Matched {
         millis: f64,
+        /// Part of `millis`, before the matching proper.
+        preparing_millis: Option<f64>,
         disparities: Vec<u8>,
         /// The program's own cells in raster order, `None` for unknown ones.
         cells: Option<Vec<Option<ReplyCell>>>,
@@ -234,8 +237,15 @@ pub(super) fn read_reply(
             check_cells(reply.cells.as_deref(), question.cells)?;
             let disparities = read_disparities(from, question.size, memory)?;
             check_disparities(&disparities, width)?;
+            if reply
+                .preparing_millis
+                .is_some_and(|part| !(0.0..=millis).contains(&part))
+            {
+                return Err(garbage("preparing_millis is not 0 to millis".into()));
+            }
             Reply::Matched {
                 millis,
+                preparing_millis: reply.preparing_millis,
                 disparities,
                 cells: reply.cells,
             }
