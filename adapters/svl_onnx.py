@@ -173,11 +173,11 @@ def model_before(network, shape, kind, count):
             found = node("Round", found)
         images.append(node("Cast", found, to=kind_number))
     images = images if count == 2 else [node("Concat", *images, axis=1)]
-    inputs = [helper.make_tensor_value_info(side, TensorProto.UINT8, shape) for side in ("left", "right")]
-    outputs = [helper.make_tensor_value_info(image, kind_number, None) for image in images]
-    graph = helper.make_graph(nodes, "before", inputs, outputs)
-    opset = helper.make_opsetid("", 17)
-    return helper.make_model(graph, opset_imports=[opset], ir_version=9).SerializeToString()
+    info = helper.make_tensor_value_info
+    inputs = [info(side, TensorProto.UINT8, shape) for side in ("left", "right")]
+    graph = helper.make_graph(nodes, "before", inputs, [info(each, kind_number, None) for each in images])
+    opsets = [helper.make_opsetid("", 17)]
+    return helper.make_model(graph, opset_imports=opsets, ir_version=9).SerializeToString()
 
 
 def ordered(inputs):
