@@ -39,7 +39,7 @@ struct Parquet<R> {
 }
 
 /// Number of rows that are written at once: they and their columns wait in memory.
-const ROW_GROUP: usize = 1 << 16;
+const ROW_GROUP: usize = 1 << 14;
 
 impl<R: Record> TableWriter<R> {
     /// A table without a file, for rows that are only counted.
