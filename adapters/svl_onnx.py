@@ -70,7 +70,7 @@ class OnnxMatcher:
             session = self.onnxruntime.InferenceSession(model, settings, providers=self.providers)
         except Exception as error:
             sys.exit(f"{model}: {' '.join(str(matcher.memory_error(error)).split())[:300]}")
-        self.session, self.settings, self.before = session, settings, {}
+        self.session, self.settings, self.before, self.images = session, settings, {}, (None, None)
         self.inputs = ordered(session.get_inputs())
         self.outputs = [output.name for output in session.get_outputs()]
         images = len(self.inputs)
@@ -111,7 +111,7 @@ class OnnxMatcher:
         return dict(zip((i.name for i in self.inputs), images)), sides[0].shape[1:3]
 
     def on_cpu(self, sides):
-        images = [self.network.inputs(side) for side in sides]
+        self.images = images = list(map(self.network.inputs, sides, self.images))
         if self.kind == np.uint8:
             images = [np.rint(side) for side in images]
         images = [side.astype(self.kind, copy=False) for side in images]
@@ -200,6 +200,7 @@ def main():
         net.match,
         batch=options.batch,
         start=net.start,
+        prepare=net.prepare,
         name=options.model.stem,
         version=f"onnxruntime {onnxruntime.__version__}",
     )

@@ -85,6 +85,7 @@ def main():
         words = " ".join(str(matcher.memory_error(error)).split())
         sys.exit(f"{options.entry or options.model}: {words[:300]}")
     network = matcher.Network(options, 3)
+    arrays = [None, None]
 
     def start(request):
         torch.set_num_threads(request.threads)
@@ -105,7 +106,8 @@ def main():
             images = [prepared(torch, network, side, device) for side in sides]
             torch.cuda.synchronize()
         else:
-            images = [torch.from_numpy(network.inputs(side)) for side in sides]
+            arrays[:] = map(network.inputs, sides, arrays)
+            images = map(torch.from_numpy, arrays)
         return *images, sides[0].shape[1:3]
 
     def match(left, right, size):

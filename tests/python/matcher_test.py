@@ -171,7 +171,7 @@ def onnx_inputs(way, net, sides, inputs=2, kind=np.float32):
     import onnxruntime
 
     state = argparse.Namespace(network=net, kind=kind, inputs=range(inputs), before={}, place="cpu",
-        onnxruntime=onnxruntime, settings=onnxruntime.SessionOptions(),
+        images=(None, None), onnxruntime=onnxruntime, settings=onnxruntime.SessionOptions(),
         providers=["CPUExecutionProvider"])  # fmt: skip
     return [np.asarray(image) for image in way(state, sides)]
 
@@ -190,6 +190,8 @@ for order, normalise, size in itertools.product(("grey", "rgb", "bgr"), matcher.
     net = network("--channels", order, "--normalise", normalise, *size)
     for images in (wide, np.ascontiguousarray(wide[..., 0])):
         found, expected = [net.inputs(images)], plain(net, images)
+        # Into the memory of another size, of an earlier result.
+        found += [net.inputs(images, net.inputs(images[:, :99])), net.inputs(images, net.inputs(images[::-1]))]
         # The images that svl sends to these adapters have the network's channels.
         if (images.ndim == 3) == (order == "grey"):
             if has("torch"):

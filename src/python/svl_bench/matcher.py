@@ -289,16 +289,18 @@ class Network:
         self.options = options
         self.channels = {"grey": 1, "rgb": 3, "bgr": 3, None: channels}[options.channels]
 
-    def inputs(self, images: npt.NDArray[Any]) -> Floats:
-        """Images N x H x W [x 3] as float32, N x C x H' x W'."""
-        planes = np.ascontiguousarray(np.moveaxis(images, -1, 1)) if images.ndim == 4 else images[:, None]
+    def inputs(self, images: npt.NDArray[Any], into: Floats | None = None) -> Floats:
+        """Images N x H x W [x 3] as float32, N x C x H' x W'; into an earlier result, if it has their size,
+        as new memory costs as much as the rest."""
+        planes = np.moveaxis(images, -1, 1) if images.ndim == 4 else images[:, None]
         if planes.shape[1] not in (1, self.channels):
-            planes = planes.mean(1, dtype=np.float32, keepdims=True)
+            planes = np.ascontiguousarray(planes).mean(1, dtype=np.float32, keepdims=True)
         old, (new, whole) = planes.shape[2:], self._sizes(planes.shape[2:])
         planes = np.broadcast_to(planes, (len(planes), self.channels, *old))
         if self.options.channels == "bgr":
             planes = planes[:, ::-1]
-        padded = np.empty((len(planes), self.channels, *whole), np.float32)
+        shape = (len(planes), self.channels, *whole)
+        padded = np.empty(shape, np.float32) if into is None or into.shape != shape else into
         # By channel, for the cache.
         for channel, (factor, mean, deviation) in enumerate(zip(*self.statistics())):
             inner = padded[:, channel, : new[0], : new[1]]
