@@ -234,15 +234,12 @@ pub(super) fn read_reply(
         (Some(hello), ..) => Reply::Hello(hello.checked()?),
         (_, Some(why), _) => Reply::Refused(one_line(&why)),
         (.., Some(millis)) if (0.0..1e9).contains(&millis) => {
+            if !(0.0..=millis).contains(&reply.preparing_millis.unwrap_or(0.0)) {
+                return Err(garbage("preparing_millis is not 0 to millis".into()));
+            }
             check_cells(reply.cells.as_deref(), question.cells)?;
             let disparities = read_disparities(from, question.size, memory)?;
             check_disparities(&disparities, width)?;
-            if reply
-                .preparing_millis
-                .is_some_and(|part| !(0.0..=millis).contains(&part))
-            {
-                return Err(garbage("preparing_millis is not 0 to millis".into()));
-            }
             Reply::Matched {
                 millis,
                 preparing_millis: reply.preparing_millis,
