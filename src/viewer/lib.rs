@@ -78,9 +78,9 @@ const MAX_COLORED: u64 = 64;
 /// time since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 
-/// Limit on the bytes of a file's batch, estimated: by images and maps, and by the numbers and texts
-/// of an algorithm's estimate. A batch repeats the names and the metadata of the columns of each
-/// entity, which cost more than what a few pairs have; a run that is killed loses at most one.
+/// Limit on the bytes of a file's batch, estimated by images and maps, and by the numbers and texts
+/// of an algorithm's estimate. A batch repeats names and metadata of the columns of each entity,
+/// which cost more than what a few pairs have; a run that is killed loses at most two.
 const MAX_BATCH_BYTES: usize = 48 << 20;
 const BYTES_PER_ESTIMATE: usize = 32 << 10;
 const BYTES_PER_MAP_PIXEL: usize = 4;

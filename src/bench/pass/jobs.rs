@@ -29,7 +29,7 @@ struct JobOutput {
 }
 
 impl Matching<'_> {
-    /// Takes the next frames of one size off those that wait, up to the first that is not rectified.
+    /// Takes the next frames of one size off those that wait, up to the first not rectified.
     pub(super) fn begin_batch(
         &mut self,
         waiting: &mut VecDeque<Frame>,
@@ -65,7 +65,7 @@ impl Matching<'_> {
         });
         done.sort_by_key(|own| (own.frame, own.place));
         let JobQueue { lanes, died, .. } = queue.into_inner();
-        self.matchers.0 = lanes.into_iter().map(Lane::into_matcher).collect();
+        self.matchers.0 = lanes.into_iter().map(MatchLane::into_matcher).collect();
         let (mut done, mut matched) = (done.into_iter().peekable(), Vec::new());
         for (i, AskedFrame { frame, asked }) in batch.into_iter().enumerate() {
             let own = std::iter::from_fn(|| done.next_if(|own| own.frame == i));
@@ -132,9 +132,9 @@ impl MatchJob {
 }
 
 /// The frames of a batch that wait for an algorithm.
-struct Lane {
+struct MatchLane {
     frames: VecDeque<usize>,
-    /// Its matchers that wait: the first one, and copies.
+    /// Matchers that wait: the first one, and copies.
     idle: Vec<ReadyMatcher>,
     /// Maps for its results.
     spent: Vec<DisparityMap>,
@@ -143,7 +143,7 @@ struct Lane {
     copied: Option<Algorithm>,
 }
 
-impl Lane {
+impl MatchLane {
     fn new(mut first: ReadyMatcher, frames: VecDeque<usize>) -> Self {
         let (spec, copies) = (first.algorithm.spec(), std::mem::take(&mut first.copies));
         let is_free = !first.matcher.has_run_memory() && spec.matches_images();
@@ -167,7 +167,7 @@ impl Lane {
 
 /// The jobs of a batch, which the threads share.
 struct JobQueue {
-    lanes: Vec<Lane>,
+    lanes: Vec<MatchLane>,
     /// Number of the copies that may be added.
     copies_left: usize,
     /// True while a program matches.
@@ -181,7 +181,7 @@ impl JobQueue {
         let copies: usize = entries.iter().map(|entry| entry.copies.len()).sum();
         let lanes = entries.into_iter().enumerate().map(|(place, entry)| {
             let frames = (0..batch.len()).filter(|i| batch[*i].asked.contains(&place));
-            Lane::new(entry, frames.collect())
+            MatchLane::new(entry, frames.collect())
         });
         Self {
             lanes: lanes.collect(),
@@ -198,7 +198,7 @@ impl JobQueue {
             return None;
         }
         let (has_program, may_copy) = (self.has_program, self.copies_left > 0);
-        let is_ready = |lane: &Lane| match lane.idle.is_empty() {
+        let is_ready = |lane: &MatchLane| match lane.idle.is_empty() {
             true => may_copy && lane.copied.is_some(),
             false => !(lane.is_program && has_program),
         };

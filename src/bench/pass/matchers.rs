@@ -170,7 +170,7 @@ impl Matchers {
         self.0.is_empty()
     }
 
-    /// Those at these places, which ascend.
+    /// The matchers at these places, which ascend.
     pub(super) fn at(&mut self, places: &[usize]) -> Vec<&mut ReadyMatcher> {
         let entries = self.0.iter_mut().enumerate();
         let entries = entries.filter(|(place, _)| places.contains(place));

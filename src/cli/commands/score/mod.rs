@@ -124,8 +124,8 @@ pub(crate) struct Args {
     /// Match all again, also what the report's folder has
     #[arg(long, conflicts_with = "times", help_heading = "Output")]
     force: bool,
-    /// Match again where the times of algorithms are of several sessions or were measured otherwise,
-    /// so that they are comparable
+    /// Match again where the times of algorithms are of several sessions or measured otherwise, so
+    /// that they are comparable
     #[arg(long, help_heading = "Run", hide_short_help = true)]
     times: bool,
     /// Remove what the folder has of algorithms and options that are not asked for any more
