@@ -453,13 +453,14 @@ fn programs_match_in_turn() {
 
 #[test]
 fn a_job_that_dies_is_named_and_what_is_whole_is_kept() {
-    let algorithms = ["v3", "v1"];
+    // Programs have no copies, and match in turn.
+    let algorithms = ["a=exec:command=true", "b=exec:command=true"];
     let change = |matchers: &mut Matchers| crowded(matchers, &Arc::default(), Some(17));
     for jobs in [1, 2, 7] {
         let (results, _, ended) = results_at(Pace::Jobs(jobs), &algorithms, change);
         assert_eq!(
             ended.unwrap_err().to_string(),
-            "v1 died on pair 17; a bug, please report it"
+            "b died on pair 17; a bug, please report it"
         );
         let sequences: Vec<_> = results.iter().map(|own| &own[..2]).collect();
         let whole: Vec<_> = (18..30).rev().map(|i| i.to_string()).collect();
