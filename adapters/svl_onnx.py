@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A network in ONNX as a matcher for svl, by onnxruntime on the CPU, CUDA or TensorRT.
 
-    pip install numpy onnxruntime            # with CUDA and TensorRT: onnxruntime-gpu, tensorrt
+    pip install numpy onnxruntime            # with CUDA and TensorRT: onnxruntime-gpu, onnx, tensorrt
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_onnx.py model.onnx --multiple 16'"
 
 svl_bench.matcher comes with svl's wheel; without it, in this file's folder:
@@ -12,6 +12,7 @@ its inputs have a fixed size, images are resized to it.
 """
 
 import argparse
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -69,7 +70,7 @@ class OnnxMatcher:
             session = self.onnxruntime.InferenceSession(model, settings, providers=self.providers)
         except Exception as error:
             sys.exit(f"{model}: {' '.join(str(matcher.memory_error(error)).split())[:300]}")
-        self.session = session
+        self.session, self.settings, self.before, self.images = session, settings, {}, (None, None)
         self.inputs = ordered(session.get_inputs())
         self.outputs = [output.name for output in session.get_outputs()]
         images = len(self.inputs)
@@ -94,6 +95,8 @@ class OnnxMatcher:
         if is_asked and used != self.providers[0]:
             sys.exit(f"onnxruntime cannot use {self.device} here: see its words above, or --device cpu")
         (device,) = [name for name, _, provider in PROVIDERS.values() if provider == used]
+        # Without onnx no model can be written.
+        self.place = "cuda" if device != "CPU" and importlib.util.find_spec("onnx") else None
         return {
             "color": self.network.channels == 3,
             "threads": request.threads,
@@ -101,24 +104,80 @@ class OnnxMatcher:
             "model": matcher.file_hash(model),
         }
 
-    def match(self, left, right):
-        is_batch = self.options.batch > 1
-        if not is_batch:
-            left, right = left[None], right[None]
-        images = [self.network.inputs(side) for side in (left, right)]
+    def prepare(self, *sides):
+        if self.options.batch == 1:
+            sides = [side[None] for side in sides]
+        images = self.on_device(sides) if self.place else self.on_cpu(sides)
+        return dict(zip((i.name for i in self.inputs), images)), sides[0].shape[1:3]
+
+    def on_cpu(self, sides):
+        self.images = images = list(map(self.network.inputs, sides, self.images))
         if self.kind == np.uint8:
             images = [np.rint(side) for side in images]
         images = [side.astype(self.kind, copy=False) for side in images]
-        if len(self.inputs) == 1:
-            images = [np.concatenate(images, 1)]
-        feed = {i.name: image for i, image in zip(self.inputs, images)}
-        try:
+        return images if len(self.inputs) == 2 else [np.concatenate(images, 1)]
+
+    def on_device(self, sides):
+        """Inputs by a model before the model, on the device, to which images go as 8 bits."""
+        # Grey images have one channel, as svl sends what the network has.
+        sides = [side.reshape(*side.shape[:3], -1) for side in sides]
+        shape = sides[0].shape
+        if shape not in self.before:
+            model = model_before(self.network, shape, self.kind, len(self.inputs))
+            providers = [name for name in self.providers if "Tensorrt" not in name]
+            make = self.onnxruntime.InferenceSession
+            self.before[shape] = make(model, self.settings, providers=providers)
+        session = self.before[shape]
+        binding = session.io_binding()
+        for given, side in zip(session.get_inputs(), sides):
+            binding.bind_cpu_input(given.name, side)
+        for output in session.get_outputs():
+            binding.bind_output(output.name, self.place)
+        session.run_with_iobinding(binding)
+        binding.synchronize_outputs()
+        return binding.get_outputs()
+
+    def match(self, feed, size):
+        if self.place:
+            outputs = [value.numpy() for value in self.session.run_with_ort_values(self.outputs, feed)]
+        else:
             outputs = self.session.run(None, feed)
-        except Exception as error:
-            raise matcher.memory_error(error) from None
-        named = dict(zip(self.outputs, outputs))
-        found = self.network.disparities(named, images[0].shape[2:], left.shape[1:3])
-        return found if is_batch else found[0]
+        found = self.network.disparities(dict(zip(self.outputs, outputs)), size)
+        return found if self.options.batch > 1 else found[0]
+
+
+def model_before(network, shape, kind, count):
+    """Network.inputs() of two images of a shape, as a model in bytes with one or two outputs."""
+    from onnx import TensorProto, helper, numpy_helper
+
+    nodes, images = [], []
+
+    def node(operator, *inputs, **attributes):
+        """The name of its output; inputs are such names, or arrays."""
+        constant = lambda array: node("Constant", value=numpy_helper.from_array(np.asarray(array)))
+        names = [given if isinstance(given, str) else constant(given) for given in inputs]
+        nodes.append(helper.make_node(operator, names, [f"node{len(nodes)}"], **attributes))
+        return nodes[-1].output[0]
+
+    factor, mean, deviation = network.statistics()
+    kind_number = helper.np_dtype_to_tensor_dtype(np.dtype(kind))
+    for side in ("left", "right"):
+        found = node("Transpose", node("Cast", side, to=TensorProto.FLOAT), perm=[0, 3, 1, 2])
+        if network.options.channels == "bgr":
+            found = node("Gather", found, [2, 1, 0], axis=1)
+        found = node("Div", node("Sub", node("Mul", found, factor), mean), deviation)
+        for axis, (low, high, share) in enumerate(network.axes(shape[1:3]), 2):
+            low, high = (node("Gather", found, at, axis=axis) for at in (low, high))
+            found = node("Add", node("Mul", low, 1 - share), node("Mul", high, share))
+        if kind == np.uint8:
+            found = node("Round", found)
+        images.append(node("Cast", found, to=kind_number))
+    images = images if count == 2 else [node("Concat", *images, axis=1)]
+    info = helper.make_tensor_value_info
+    inputs = [info(side, TensorProto.UINT8, shape) for side in ("left", "right")]
+    graph = helper.make_graph(nodes, "before", inputs, [info(each, kind_number, None) for each in images])
+    opsets = [helper.make_opsetid("", 17)]
+    return helper.make_model(graph, opset_imports=opsets, ir_version=9).SerializeToString()
 
 
 def ordered(inputs):
@@ -141,6 +200,7 @@ def main():
         net.match,
         batch=options.batch,
         start=net.start,
+        prepare=net.prepare,
         name=options.model.stem,
         version=f"onnxruntime {onnxruntime.__version__}",
     )

@@ -22,6 +22,7 @@ from pathlib import Path
 here = Path(__file__).resolve().parent
 elsewhere = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
 sys.path = [*elsewhere, str(here), str(here.parent / "src/python")]
+import numpy as np
 from svl_bench import matcher
 
 # A module of an entry may be in the working folder.
@@ -52,6 +53,22 @@ def load(torch, options, device):
     return network
 
 
+def prepared(torch, network, images, device):
+    """network.inputs(images) on the device, to which images go as 8 bits."""
+    put = lambda array: torch.from_numpy(np.ascontiguousarray(array)).to(device)
+    # Grey images have one channel, as svl sends what the network has.
+    planes = put(images).reshape(*images.shape[:3], -1).movedim(-1, 1)
+    if network.options.channels == "bgr":
+        planes = planes.flip(1)
+    # Divided by a tensor: by a number, CUDA multiplies with its inverse.
+    factor, mean, deviation = put(network.statistics())
+    found = (planes * factor - mean) / deviation
+    for axis, (low, high, share) in enumerate(network.axes(images.shape[1:3]), 2):
+        low, high, share = put(low), put(high), put(share)
+        found = found.index_select(axis, low) * (1 - share) + found.index_select(axis, high) * share
+    return found
+
+
 def main():
     options = arguments()
     try:
@@ -68,6 +85,7 @@ def main():
         words = " ".join(str(matcher.memory_error(error)).split())
         sys.exit(f"{options.entry or options.model}: {words[:300]}")
     network = matcher.Network(options, 3)
+    arrays = [None, None]
 
     def start(request):
         torch.set_num_threads(request.threads)
@@ -82,16 +100,20 @@ def main():
             return {name: plain(inner) for name, inner in output.items()}
         return [plain(inner) for inner in output]
 
-    def match(left, right):
-        if options.batch == 1:
-            left, right = left[None], right[None]
-        images = [torch.from_numpy(network.inputs(side)).to(device) for side in (left, right)]
-        try:
-            with torch.inference_mode():
-                outputs = plain(model(*images))
-        except Exception as error:
-            raise matcher.memory_error(error) from None
-        found = network.disparities(outputs, tuple(images[0].shape[2:]), left.shape[1:3])
+    def prepare(left, right):
+        sides = (left, right) if options.batch > 1 else (left[None], right[None])
+        if on_cuda:
+            images = [prepared(torch, network, side, device) for side in sides]
+            torch.cuda.synchronize()
+        else:
+            arrays[:] = map(network.inputs, sides, arrays)
+            images = map(torch.from_numpy, arrays)
+        return *images, sides[0].shape[1:3]
+
+    def match(left, right, size):
+        with torch.inference_mode():
+            outputs = plain(model(left, right))
+        found = network.disparities(outputs, size)
         return found if options.batch > 1 else found[0]
 
     matcher.serve(
@@ -99,6 +121,7 @@ def main():
         color=network.channels == 3,
         batch=options.batch,
         start=start,
+        prepare=prepare,
         name=options.model.stem if options.model else options.entry,
         version=f"torch {torch.__version__}",
         model=matcher.file_hash(options.model) if options.model else None,

@@ -72,7 +72,7 @@ const LINES: [(&str, usize); 16] = [
     ("c", 478),
     ("calibrate", 4988),
     ("cli", 11297),
-    ("core", 19635),
+    ("core", 19645),
     ("files", 2552),
     ("grab", 5139),
     ("live", 468),

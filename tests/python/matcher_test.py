@@ -2,10 +2,13 @@
 
 import argparse
 import importlib.util
+import itertools
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
+import tiny_network
 from svl_bench import matcher
 
 
@@ -15,10 +18,21 @@ def network(*words, channels=1):
     return matcher.Network(parser.parse_args(words), channels)
 
 
+def loaded(file):
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def has(*modules):
+    return all(importlib.util.find_spec(module) for module in modules)
+
+
 def there_and_back(net, images, outputs_of):
     given = net.inputs(images)
     outputs = outputs_of(given)
-    return given, net.disparities(outputs, given.shape[2:], images.shape[1:3])
+    return given, net.disparities(outputs, images.shape[1:3])
 
 
 random = np.random.default_rng(1)
@@ -91,9 +105,7 @@ onnxruntime = argparse.Namespace(
     InferenceSession=lambda *_, **__: Session(),
 )
 file = Path(__file__).parents[2] / "adapters/svl_onnx.py"
-spec = importlib.util.spec_from_file_location("svl_onnx", file)
-adapter = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(adapter)
+adapter = loaded(file)
 
 
 def onnx_options(provider, *words):
@@ -131,4 +143,80 @@ try:
     sys.exit("complex numbers were taken for disparities")
 except TypeError as error:
     assert "complex128, expected numbers" in str(error), error
+
+
+# Inputs are equal to the bit to the plain formulas, by numpy, by torch and by nodes of ONNX.
+def plain(net, images):
+    planes = (images[..., None] if images.ndim == 3 else images).astype(np.float32)
+    if planes.shape[-1] != net.channels:
+        planes = np.repeat(planes.mean(-1, keepdims=True), net.channels, -1)
+    factor, mean, deviation = matcher.NORMALISATIONS[net.options.normalise]
+    if net.channels == 1:
+        mean, deviation = np.mean(mean), np.mean(deviation)
+    if net.options.channels == "bgr":
+        planes, mean, deviation = (np.flip(np.atleast_1d(part), -1) for part in (planes, mean, deviation))
+    planes = (planes * np.float32(factor) - np.float32(mean)) / np.float32(deviation)
+    for axis, new in enumerate(net.options.size or (), 1):
+        old = planes.shape[axis]
+        at = np.clip((np.arange(new) + 0.5) * old / new - 0.5, 0, old - 1)
+        low = np.minimum(at.astype(int), old - 2)
+        share = (at - low).astype(np.float32).reshape(-1, *[1] * (3 - axis))
+        planes = planes.take(low, axis) * (1 - share) + planes.take(low + 1, axis) * share
+    below, right = (-n % net.options.multiple for n in planes.shape[1:3])
+    return np.moveaxis(np.pad(planes, ((0, 0), (0, below), (0, right), (0, 0)), "edge"), -1, 1)
+
+
+def onnx_inputs(way, net, sides, inputs=2, kind=np.float32):
+    """By a way of OnnxMatcher, its device being the CPU."""
+    import onnxruntime
+
+    state = argparse.Namespace(network=net, kind=kind, inputs=range(inputs), before={}, place="cpu",
+        images=(None, None), onnxruntime=onnxruntime, settings=onnxruntime.SessionOptions(),
+        providers=["CPUExecutionProvider"])  # fmt: skip
+    return [np.asarray(image) for image in way(state, sides)]
+
+
+def is_equal(found, expected):
+    found = np.asarray(found)
+    same = found.dtype == expected.dtype and found.shape == expected.shape
+    return same and found.tobytes() == expected.tobytes()
+
+
+torch_adapter = loaded(file.with_name("svl_torch.py"))
+on_device, on_cpu = adapter.OnnxMatcher.on_device, adapter.OnnxMatcher.on_cpu
+wide = random.integers(0, 256, (2, 150, 70, 3), np.uint8)
+sizes = [[], *(["--size", size] for size in ("70x150", "33x21", "101x200", "70x20"))]
+for order, normalise, size in itertools.product(("grey", "rgb", "bgr"), matcher.NORMALISATIONS, sizes):
+    net = network("--channels", order, "--normalise", normalise, *size)
+    for images in (wide, np.ascontiguousarray(wide[..., 0])):
+        found, expected = [net.inputs(images)], plain(net, images)
+        # Into the memory of another size, of an earlier result.
+        found += [net.inputs(images, net.inputs(images[:, :99])), net.inputs(images, net.inputs(images[::-1]))]
+        # The images that svl sends to these adapters have the network's channels.
+        if (images.ndim == 3) == (order == "grey"):
+            if has("torch"):
+                import torch
+
+                found.append(torch_adapter.prepared(torch, net, images, torch.device("cpu")))
+            if has("onnx", "onnxruntime"):
+                found += onnx_inputs(on_device, net, [images, images])
+        for i, each in enumerate(found):
+            assert is_equal(each, expected), (i, order, normalise, size, images.shape)
+if has("onnx", "onnxruntime"):
+    sides, net = [wide, wide[::-1].copy()], network("--size", "101x200", channels=3)
+    # The model's outputs are the same, too.
+    with tempfile.TemporaryDirectory() as folder:
+        options = onnx_options("cpu", "--normalise", "unit", "--multiple", "16")
+        options.model = Path(folder, "tiny.onnx")
+        options.model.write_bytes(tiny_network.model().SerializeToString())
+        tiny = adapter.OnnxMatcher(options, importlib.import_module("onnxruntime"))
+        assert tiny.start(argparse.Namespace(threads=1))["device"] == "CPU"
+    found = []
+    for tiny.place in (None, "cpu"):
+        feed, size = tiny.prepare(grey[0], grey[1])
+        found.append(tiny.match(feed, size))
+    assert found[0].shape == (30, 50) and is_equal(*found)
+    for inputs, kind in [(1, np.float32), (2, np.float16), (2, np.uint8), (1, np.uint8)]:
+        found, expected = (onnx_inputs(way, net, sides, inputs, kind) for way in (on_device, on_cpu))
+        assert len(found) == inputs and all(map(is_equal, found, expected)), (inputs, kind)
 print("well")

@@ -111,13 +111,13 @@ impl UnitSink {
             let name = algorithm.unit_name(number, &pairs);
             let path = self.units.unit_path(&self.run, &name);
             writer.pixel_errors = pixel_errors.remove(label).unwrap_or_default();
+            writer.pairs = pairs[(number * BLOCK) as usize..].to_vec();
             writer.header = UnitHeader {
                 run: self.run.digest.clone(),
                 name,
                 label: label.to_owned(),
                 session: self.session.clone(),
                 block: number,
-                pairs: pairs[(number * BLOCK) as usize..].to_vec(),
                 has_pictures: pictured.contains(&label),
                 scale: scales.for_label(label),
                 ..UnitHeader::default()

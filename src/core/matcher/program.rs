@@ -30,6 +30,9 @@ pub struct ProgramRecord {
     pub pairs: u64,
     /// Median of its self-reported times per pair, microseconds.
     pub reported_us: u64,
+    /// The part of it that prepared images, if reported.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preparing_us: Option<u64>,
     /// Median of the times from request to answer, per pair of a batch, microseconds.
     pub waited_us: u64,
     /// Disparities it returned, in all matchings,
@@ -67,7 +70,11 @@ impl ProgramRecord {
             (self.batch > 1).then(|| format!("{} pairs at once", self.batch)),
             (self.pairs > 0).then(|| {
                 let (reported, waited) = (ms(self.reported_us), ms(self.waited_us));
-                format!("reports {reported} a pair, answers after {waited}")
+                let preparing = self
+                    .preparing_us
+                    .map(|us| format!("{} of it preparing, ", ms(us)));
+                let preparing = preparing.unwrap_or_default();
+                format!("reports {reported} a pair, {preparing}answers after {waited}")
             }),
         ];
         joined(parts.into_iter().flatten())
@@ -95,6 +102,7 @@ impl ProgramRecord {
         };
         Self {
             reported_us: timed.reported_us,
+            preparing_us: timed.preparing_us,
             waited_us: timed.waited_us,
             pairs: self.pairs + earlier.pairs,
             disparities: self.disparities + earlier.disparities,

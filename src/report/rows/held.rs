@@ -1,5 +1,5 @@
-//! The rows of pairs as a report holds them: by columns, so that those of millions of pairs fit
-//! into memory.
+//! The rows of pairs as a report holds them: by columns, in chunks, so that those of millions of
+//! pairs fit into memory.
 
 use super::records::record;
 use std::collections::HashMap;
@@ -275,7 +275,10 @@ impl MetricSource for HeldValues<'_> {
     }
 }
 
-/// Declares a row as [`record`] does, the rows of a table by columns, and a row of it.
+/// Most rows of a chunk.
+const MAX_CHUNK: usize = 1 << 16;
+
+/// Declares a row as [`record`] does, rows of a table by columns, and a row of it.
 macro_rules! held_record {
     ($(#[$about:meta])* $name:ident, $(#[$rows_about:meta])* $rows:ident,
         $(#[$row_about:meta])* $row:ident {
@@ -285,7 +288,7 @@ macro_rules! held_record {
 
         $(#[$rows_about])*
         #[derive(Debug, Default)]
-        pub struct $rows {
+        struct $rows {
             len: usize,
             $($field: <$kind as HeldField>::Column,)*
         }
@@ -298,8 +301,7 @@ macro_rules! held_record {
         }
 
         impl $rows {
-            /// Adds a row.
-            pub fn push(&mut self, row: &$name) {
+            fn push(&mut self, row: &$name) {
                 $(HeldField::push(&row.$field, &mut self.$field);)*
                 self.len += 1;
             }
@@ -322,8 +324,8 @@ held_record! {
     #[derive(Default)]
     /// One pair through one algorithm.
     Row,
-    /// The rows of a table, by columns.
-    Rows,
+    /// Rows of a table that follow each other, by columns.
+    RowChunk,
     /// A row of a table.
     RowRef {
         /// Name of the scenario.
@@ -380,28 +382,57 @@ held_record! {
     }
 }
 
+/// The rows of a table.
+#[derive(Debug, Default)]
+pub struct Rows {
+    /// All but the last one have [`MAX_CHUNK`] rows: columns that grow without end are copied each
+    /// time they do, and their old places stay in memory.
+    chunks: Vec<RowChunk>,
+    area: AreaChoice,
+}
+
 impl Rows {
+    /// Adds a row.
+    pub fn push(&mut self, row: &Row) {
+        let last = self.chunks.last_mut();
+        match last.filter(|last| last.len < MAX_CHUNK) {
+            Some(last) => last.push(row),
+            None => {
+                let mut next = RowChunk::default();
+                next.metrics.area = self.area;
+                next.push(row);
+                self.chunks.push(next);
+            }
+        }
+    }
+
     /// Selects the area of the metrics that are read.
     pub fn select(&mut self, area: AreaChoice) {
-        self.metrics.area = area;
+        self.area = area;
+        for chunk in &mut self.chunks {
+            chunk.metrics.area = area;
+        }
     }
 
     pub fn len(&self) -> usize {
-        self.len
+        self.chunks.iter().map(|chunk| chunk.len).sum()
     }
 
     pub fn is_empty(&self) -> bool {
-        self.len == 0
+        self.chunks.is_empty()
     }
 
     /// The row at a place.
     pub(crate) fn row(&self, at: usize) -> RowRef<'_> {
-        RowRef { rows: self, at }
+        RowRef {
+            rows: &self.chunks[at / MAX_CHUNK],
+            at: at % MAX_CHUNK,
+        }
     }
 
     /// The rows, in their order.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = RowRef<'_>> + Clone {
-        (0..self.len).map(|at| self.row(at))
+        (0..self.len()).map(|at| self.row(at))
     }
 }
 
@@ -588,5 +619,22 @@ mod tests {
         let rows: Rows = given.iter().cloned().collect();
         let found: Vec<_> = rows.iter().map(RowRef::to_row).collect();
         assert_eq!(found, given);
+        // Chunks are no border.
+        let mut rows = Rows::default();
+        rows.select(AreaChoice::Floor);
+        for sequence in 0..=MAX_CHUNK as u64 {
+            let row = Row {
+                sequence,
+                ..given[1].clone()
+            };
+            rows.push(&row);
+        }
+        assert_eq!((rows.chunks.len(), rows.len()), (2, MAX_CHUNK + 1));
+        let wrong = |row: RowRef<'_>| (row.sequence(), row.metrics().get("wrong"));
+        assert!(
+            rows.iter()
+                .map(wrong)
+                .eq((0..).zip([Some(300.0); MAX_CHUNK + 1]))
+        );
     }
 }

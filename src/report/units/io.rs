@@ -3,8 +3,8 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
-use std::fs::OpenOptions;
-use std::io::Write;
+use std::fs::{File, OpenOptions};
+use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_files::outputs::remove_file;
@@ -40,6 +40,15 @@ const MAX_BYTES: u64 = 1 << 40;
 /// Reads a file, which is a regular one.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     svl_core::bounded::read_bounded(path, MAX_BYTES)
+}
+
+/// Opens a file of units, which is a regular one.
+pub(super) fn open(path: &Path) -> Result<BufReader<File>> {
+    let io = |e| Error::io(path, e);
+    if !std::fs::metadata(path).map_err(io)?.is_file() {
+        return Err(Error::format(path, "is not a regular file"));
+    }
+    Ok(BufReader::new(File::open(path).map_err(io)?))
 }
 
 /// Writes a file under another name, and renames it once it is on the disk.

@@ -69,7 +69,7 @@ impl RunUnits {
                 let name = algorithm.unit_name(block, &found.facts.pairs);
                 let path = folder.unit_path(run, &name);
                 let unit = match StoredUnit::read(&path, &run.digest) {
-                    Ok(Some(unit)) => unit.without_pairs(),
+                    Ok(Some(unit)) => unit,
                     Ok(None) => continue,
                     Err(_) => {
                         damaged(path);

@@ -7,6 +7,7 @@ use super::io::{
 use super::plan::{BLOCK, ReportPlan, ReportRun};
 use super::unit::{StoredUnit, unit_format};
 use serde::{Deserialize, Serialize};
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -205,10 +206,10 @@ impl Units {
     pub fn pairs_of_units(&self, run: &ReportRun) -> Result<Vec<PairFacts>> {
         let mut blocks = BTreeMap::new();
         for path in files(&self.folder.join(run.folder()), UNIT)? {
-            if let Ok(Some(unit)) = StoredUnit::read(&path, &run.digest) {
-                blocks
-                    .entry(unit.block)
-                    .or_insert_with(|| unit.pairs.clone());
+            if let Ok(Some(unit)) = StoredUnit::read(&path, &run.digest)
+                && let Entry::Vacant(block) = blocks.entry(unit.block)
+            {
+                block.insert(unit.pairs()?);
             }
         }
         let mut pairs = Vec::new();

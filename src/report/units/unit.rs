@@ -4,7 +4,7 @@
 //! the tables, as CSV, and the pictures.
 
 use super::facts::PairFacts;
-use super::io::{json, read, write_whole};
+use super::io::{json, open, write_whole};
 use super::pictures::BlockPictures;
 use crate::rows::csv_rows::{RowReader, csv_error, row_writer};
 use crate::rows::held::Row;
@@ -15,10 +15,11 @@ use crate::subjects::references::TruthRow;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_score::manifest::{hash, hash_bytes};
+use svl_score::manifest::{hash, hash_bytes, hash_reader};
 use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::MeasuredScales;
 
@@ -33,8 +34,6 @@ pub struct UnitHeader {
     pub session: String,
     /// The block in its run; 0 for a drive.
     pub block: u64,
-    /// The pairs of the block; none of a drive.
-    pub pairs: Vec<PairFacts>,
     /// True unless its algorithm was not among those with pictures.
     pub has_pictures: bool,
     /// The factor between the truth and the algorithm, if there are enough pixels.
@@ -52,12 +51,16 @@ pub struct DriveFacts {
     pub course: CoursePlan,
 }
 
-/// The parts of the pictures, and of the errors of distances of pixels.
+/// Parts that are JSON: the pairs of the block, the pictures, the errors of distances of pixels.
+const PAIRS: &str = "pairs";
 const PICTURES: &str = "pictures";
 const PIXEL_ERRORS: &str = "pixel_errors";
 
 /// The form of the files; a change of [`BlockPictures`] or of a header changes it.
-const FORM: &str = "units with checksums, pictures with truth, errors of pixels";
+const FORM: &str = "units with checksums, pictures with truth, errors of pixels, pairs";
+
+/// Most bytes of the checksum and of the header.
+const MAX_LINE: u64 = 1 << 24;
 
 /// The text of a table, once it has a row.
 type TableText = Option<csv::Writer<Vec<u8>>>;
@@ -228,6 +231,8 @@ impl<R: UnitRow> TableReader<R> {
 #[derive(Default)]
 pub struct UnitWriter {
     pub header: UnitHeader,
+    /// The pairs of the block; none of a drive.
+    pub pairs: Vec<PairFacts>,
     /// The errors of distances of pixels; none of a perturbed run.
     pub pixel_errors: PixelErrors,
     texts: UnitTexts,
@@ -250,6 +255,9 @@ impl UnitWriter {
     /// [`Error::Io`] with the file.
     pub fn write(mut self, path: &Path, pictures: Option<&BlockPictures>) -> Result<()> {
         let mut parts = self.texts.into_parts();
+        if !self.pairs.is_empty() {
+            parts.push((PAIRS.to_owned(), json(&self.pairs)?));
+        }
         if let Some(pictures) = pictures {
             parts.push((PICTURES.to_owned(), json(pictures)?));
         }
@@ -292,15 +300,22 @@ impl StoredUnit {
         if !path.exists() {
             return Ok(None);
         }
-        let bytes = read(path)?;
+        let io = |e| Error::io(path, e);
         let damaged = || Error::format(path, "is damaged");
-        let (checksum, text) = split_line(&bytes).ok_or_else(damaged)?;
-        let checksum = String::from_utf8_lossy(checksum).into_owned();
-        let header = split_line(text).and_then(|(line, _)| serde_json::from_slice(line).ok());
-        let header: UnitHeader = header.ok_or_else(damaged)?;
+        let mut file = open(path)?;
+        let mut line = || -> Result<Vec<u8>> {
+            let mut line = Vec::new();
+            let mut bounded = file.by_ref().take(MAX_LINE);
+            bounded.read_until(b'\n', &mut line).map_err(io)?;
+            Ok(line)
+        };
+        let (checksum, header) = (line()?, line()?);
+        let checksum = String::from_utf8_lossy(checksum.trim_ascii_end()).into_owned();
+        let hashed = hash_reader(header.chain(file)).map_err(io)?;
+        let header: UnitHeader = serde_json::from_slice(&header).map_err(|_| damaged())?;
         let is_own =
             header.run == run && path.file_stem().is_some_and(|stem| *stem == *header.name);
-        if !is_own || hash_bytes(text) != checksum {
+        if !is_own || hashed != checksum {
             return Err(damaged());
         }
         Ok(Some(Self {
@@ -331,6 +346,14 @@ impl StoredUnit {
         self.parts.iter().any(|(name, _)| name == "failures")
     }
 
+    /// The pairs of its block; none of a drive.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`].
+    pub(super) fn pairs(&self) -> Result<Vec<PairFacts>> {
+        Ok(self.parsed(PAIRS)?.unwrap_or_default())
+    }
+
     /// Pictures of the unit, if it has some.
     ///
     /// # Errors
@@ -356,32 +379,25 @@ impl StoredUnit {
 
     /// The parts of the unit that are chosen by name.
     fn parts(&self, is_read: impl Fn(&str) -> bool) -> Result<BTreeMap<String, Vec<u8>>> {
+        let io = |e| Error::io(&self.path, e);
         let mut parts = BTreeMap::new();
-        if self.header.parts.iter().any(|(name, _)| is_read(name)) {
-            let bytes = std::fs::read(&self.path).map_err(|e| Error::io(&self.path, e))?;
-            let lengths: usize = self.header.parts.iter().map(|(_, length)| length).sum();
-            // The parts are the end of the file, which was checked.
-            let mut at = bytes.len().saturating_sub(lengths);
-            for (name, length) in &self.header.parts {
-                if is_read(name) {
-                    let part = bytes.get(at..at + length).unwrap_or_default();
-                    parts.insert(name.clone(), part.to_owned());
-                }
-                at += length;
+        let mut file = None;
+        // The parts are the end of the file, which was checked.
+        let mut from_end: usize = self.header.parts.iter().map(|(_, length)| length).sum();
+        for (name, length) in &self.header.parts {
+            if is_read(name) {
+                let file = match &mut file {
+                    Some(file) => file,
+                    None => file.insert(File::open(&self.path).map_err(io)?),
+                };
+                let mut part = Vec::new();
+                file.seek(SeekFrom::End(-(from_end as i64))).map_err(io)?;
+                let mut bounded = file.take(*length as u64);
+                bounded.read_to_end(&mut part).map_err(io)?;
+                parts.insert(name.clone(), part);
             }
+            from_end -= length;
         }
         Ok(parts)
     }
-
-    /// The unit without its pairs, which the facts of its run have.
-    #[must_use]
-    pub(super) fn without_pairs(mut self) -> Self {
-        self.header.pairs = Vec::new();
-        self
-    }
-}
-
-fn split_line(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
-    let end = bytes.iter().position(|byte| *byte == b'\n')?;
-    Some((&bytes[..end], &bytes[end + 1..]))
 }

@@ -522,16 +522,23 @@ pub fn hash_bytes(bytes: &[u8]) -> String {
 /// # Errors
 /// [`Error::Io`].
 pub fn hash_file(path: &Path) -> Result<String> {
+    let hashed = std::fs::File::open(path).and_then(hash_reader);
+    hashed.map_err(|e| Error::io(path, e))
+}
+
+/// Hash of all bytes of a reader.
+///
+/// # Errors
+/// Those of the reader.
+pub fn hash_reader(mut reader: impl Read) -> std::io::Result<String> {
     let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
-    let mut file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
-    let mut bytes = vec![0; 1 << 20];
+    let mut bytes = vec![0; 1 << 16];
     loop {
-        match file.read(&mut bytes).map_err(|e| Error::io(path, e))? {
-            0 => break,
+        match reader.read(&mut bytes)? {
+            0 => return Ok(hash_words(hasher.digest128())),
             n => hasher.update(&bytes[..n]),
         }
     }
-    Ok(hash_words(hasher.digest128()))
 }
 
 #[cfg(test)]

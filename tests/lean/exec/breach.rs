@@ -128,6 +128,10 @@ fn garbage_is_shown() {
             ["neither millis", "nor error"],
         ),
         (
+            r#"b'{"seq":1,"millis":1,"preparing_millis":2}\n'"#,
+            ["preparing_millis is not 0 to millis", "expected"],
+        ),
+        (
             r#"b'{"seq":1,"millis":1}\n' + b'\xff' * 240"#,
             ["the disparity NaN at (0, 0)", "none is +inf"],
         ),

@@ -230,7 +230,8 @@ while True:
     line, images = pair()
     assert (line["channels"], line["seq"], line.get("name")) == (3, line["seq"], "motor"), line
     n = line["width"] * line["height"]
-    answer(line, [images[3 * i] for i in range(n)])
+    red = [images[3 * i] for i in range(n)]
+    answer(line, red, millis=1.5, preparing_millis=0.4)
 "#;
     let Some(mut plugin) = start(body, ",max_disparity=255") else {
         return;
@@ -258,7 +259,8 @@ while True:
     assert_eq!(plugin.output.disparity.at(3, 4), Ok(left));
     let program = plugin.program().unwrap();
     let words = program.words();
-    let expected = "my net 1.2, CPU, 3 threads, avx9, model abc, in colour, reports 1.5 ms a pair";
+    let expected = "my net 1.2, CPU, 3 threads, avx9, model abc, in colour, reports 1.5 ms a pair, \
+                    0.4 ms of it preparing, answers after";
     assert!(words.starts_with(expected), "{words}");
 }
 

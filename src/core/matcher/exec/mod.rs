@@ -40,7 +40,8 @@
 //! 1. Distances follow from the rig. Without `cells`, svl computes them from the disparities.
 //!
 //! `millis` is the self-reported time of the matching, without the transfer; svl reports it next to
-//! the time until the answer, with a warning if the two are inconsistent. Disparities more than
+//! the time until the answer, with a warning if the two are inconsistent. `preparing_millis`, the
+//! part of it that made inputs from images, is optional. Disparities more than
 //! half a pixel outside the range are discarded and counted. The program must exit at the end of
 //! its input. The end of its standard error is kept for error messages. An error reply concerns
 //! only its pair. A program that exits, times out or answers anything else is killed, with all that
@@ -125,6 +126,7 @@ struct Exec {
     warm_for: Option<(usize, usize)>,
     /// Times of all other pairs, microseconds: the self-reported time, and the time waited.
     reported_us: Vec<u32>,
+    preparing_us: Vec<u32>,
     waited_us: Vec<u32>,
     disparities: u64,
     out_of_range: u64,
@@ -161,6 +163,7 @@ impl Exec {
             ahead: VecDeque::new(),
             warm_for: None,
             reported_us: Vec::new(),
+            preparing_us: Vec::new(),
             waited_us: Vec::new(),
             disparities: 0,
             out_of_range: 0,
@@ -275,6 +278,7 @@ impl Matcher for Exec {
             batch: hello.batch.max(1),
             pairs: self.waited_us.len() as u64,
             reported_us: median(&self.reported_us),
+            preparing_us: (!self.preparing_us.is_empty()).then(|| median(&self.preparing_us)),
             waited_us: median(&self.waited_us),
             disparities: self.disparities,
             out_of_range: self.out_of_range,
@@ -311,16 +315,17 @@ impl Matcher for Exec {
             Some(answer) => Some(answer),
             None => self.ask_or_end(&[(pair, *context)])?.pop(),
         };
-        let (millis, disparities, cells, waited) = match answer {
+        let (millis, preparing_millis, disparities, cells, waited) = match answer {
             Some(PairAnswer {
                 reply:
                     Reply::Matched {
                         millis,
+                        preparing_millis,
                         disparities,
                         cells,
                     },
                 waited,
-            }) => (millis, disparities, cells, waited),
+            }) => (millis, preparing_millis, disparities, cells, waited),
             Some(PairAnswer {
                 reply: Reply::Refused(why),
                 ..
@@ -354,10 +359,13 @@ impl Matcher for Exec {
         output.grid = cells
             .map(|cells| own_grid(&cells, map.disparity(), context))
             .transpose()?;
-        let reported = Duration::from_secs_f64(millis / 1e3);
+        let duration = |millis: f64| Duration::from_secs_f64(millis / 1e3);
         let micros = |time: Duration| u32::try_from(time.as_micros()).unwrap_or(u32::MAX);
+        let reported = duration(millis);
         if self.warm_for.replace((width, height)) == Some((width, height)) {
             self.reported_us.push(micros(reported));
+            self.preparing_us
+                .extend(preparing_millis.map(duration).map(micros));
             self.waited_us.push(micros(waited));
         }
         // Capped at the time that svl waited.

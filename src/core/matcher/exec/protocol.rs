@@ -102,6 +102,7 @@ struct ReplyLine {
     #[serde(default)]
     seq: u64,
     millis: Option<f64>,
+    preparing_millis: Option<f64>,
     error: Option<String>,
     cells: Option<Vec<Option<ReplyCell>>>,
     hello: Option<Hello>,
@@ -133,6 +134,8 @@ pub(super) enum Reply {
     /// Disparities in raster order, as received.
     Matched {
         millis: f64,
+        /// Part of `millis`, before the matching proper.
+        preparing_millis: Option<f64>,
         disparities: Vec<u8>,
         /// The program's own cells in raster order, `None` for unknown ones.
         cells: Option<Vec<Option<ReplyCell>>>,
@@ -231,11 +234,15 @@ pub(super) fn read_reply(
         (Some(hello), ..) => Reply::Hello(hello.checked()?),
         (_, Some(why), _) => Reply::Refused(one_line(&why)),
         (.., Some(millis)) if (0.0..1e9).contains(&millis) => {
+            if !(0.0..=millis).contains(&reply.preparing_millis.unwrap_or(0.0)) {
+                return Err(garbage("preparing_millis is not 0 to millis".into()));
+            }
             check_cells(reply.cells.as_deref(), question.cells)?;
             let disparities = read_disparities(from, question.size, memory)?;
             check_disparities(&disparities, width)?;
             Reply::Matched {
                 millis,
+                preparing_millis: reply.preparing_millis,
                 disparities,
                 cells: reply.cells,
             }
