@@ -78,13 +78,12 @@ const MAX_COLORED: u64 = 64;
 /// time since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 
-/// A file is written in few large batches: each repeats its columns' names, a viewer opens a tenth
-/// of them five times as fast, and a run that is killed loses at most one.
-const FILE_BATCHES: ChunkBatcherConfig = ChunkBatcherConfig {
-    flush_tick: Duration::from_secs(10),
-    flush_num_bytes: 8 << 20,
-    ..ChunkBatcherConfig::DEFAULT
-};
+/// Limit on the bytes of a file's batch, estimated by images and maps, and by the numbers and texts
+/// of an algorithm's estimate. A batch repeats names and metadata of the columns of each entity,
+/// which cost more than what a few pairs have; a run that is killed loses at most two.
+const MAX_BATCH_BYTES: usize = 48 << 20;
+const BYTES_PER_ESTIMATE: usize = 32 << 10;
+const BYTES_PER_MAP_PIXEL: usize = 4;
 
 /// Rerun, as built into svl.
 pub struct Rerun;
@@ -151,6 +150,8 @@ struct RerunSink {
     /// True if the frame being logged is listed, and if it has maps.
     is_listed: bool,
     has_maps: bool,
+    /// Bytes of the batch under way.
+    batched: usize,
     /// Number and name of the run's checkpoints.
     checkpoints: Vec<String>,
     verdicts: Option<Verdicts>,
@@ -188,7 +189,8 @@ impl RerunSink {
             .recording_name(run.scenario.as_str())
             .send_properties(true);
         if target.file().is_some() {
-            builder = builder.batcher_config(FILE_BATCHES);
+            // The sink ends batches, never while matching is measured.
+            builder = builder.batcher_config(ChunkBatcherConfig::NEVER);
         }
         let target = Destination(target);
         let stream = target.open(builder)?;
@@ -208,6 +210,7 @@ impl RerunSink {
             frames: ListedFrames::default(),
             is_listed: false,
             has_maps: false,
+            batched: 0,
             checkpoints: Vec::new(),
             verdicts: None,
             changes: None,
@@ -309,6 +312,15 @@ impl RerunSink {
         let (app, cursor) = (APPLICATION.into(), self.target.cursor());
         blueprint::send(&root, app, timeline, cursor, &self.stream)
             .map_err(|error| self.target.failed(error))
+    }
+
+    /// Writes the batch under way if it has that many bytes.
+    fn end_batch(&mut self, bytes: usize) -> Result<()> {
+        if self.batched < bytes {
+            return Ok(());
+        }
+        self.batched = 0;
+        self.flush()
     }
 
     /// Waits until everything logged is written or sent.
@@ -435,6 +447,10 @@ impl Sink for RerunSink {
         }
         if !is_again {
             self.push_scene(frame, &scale)?;
+            if is_first {
+                // The viewer's time cursor starts at the first batch of a file.
+                self.flush()?;
+            }
             self.push_truth(judged, &scale)?;
         }
         self.push_colors(judged)?;
@@ -450,16 +466,20 @@ impl Sink for RerunSink {
             let sent = self.stream.flush_with_timeout(SENT);
             return sent.map_err(|error| self.target.broken(&error.to_string()));
         }
-        if is_first {
-            // The viewer's time cursor starts at the first batch of a file.
-            self.flush()
-        } else {
-            Ok(())
+        let (width, height) = frame.pair.size();
+        let maps = if has_maps { BYTES_PER_MAP_PIXEL } else { 0 };
+        let estimate = BYTES_PER_ESTIMATE + maps * width * height;
+        self.batched += width * height + judged.estimates.len() * estimate;
+        match self.target.0.file() {
+            // Nothing is measured, or pairs are large.
+            Some(_) => self.end_batch(2 * MAX_BATCH_BYTES),
+            None => Ok(()),
         }
     }
 
     fn settle(&mut self) -> Result<()> {
-        self.flush()
+        let is_file = self.target.0.file().is_some();
+        self.end_batch(if is_file { MAX_BATCH_BYTES } else { 0 })
     }
 
     /// Waits until everything is written or sent. A file gets its index, for quick opening, when

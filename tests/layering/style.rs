@@ -68,10 +68,10 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 13990),
+    ("bench", 14239),
     ("c", 478),
     ("calibrate", 4988),
-    ("cli", 11273),
+    ("cli", 11297),
     ("core", 19645),
     ("files", 2552),
     ("grab", 5139),
@@ -83,7 +83,7 @@ const LINES: [(&str, usize); 16] = [
     ("sim", 3550),
     ("thesis", 2644),
     ("train", 3435),
-    ("viewer", 1776),
+    ("viewer", 1790),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

@@ -4,7 +4,7 @@ use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::pass::{Matchers, Monitor, Pace, in_own_pool};
+use crate::pass::{Matchers, Monitor, Pace, in_own_pool, joined};
 use crate::runs::refuse_recorded;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
@@ -160,6 +160,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     }
     session.write(&session.manifest())?;
     let title = format!("score {}", scenario.name);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let work = DriveWork {
         scenario,
         seeds,
@@ -172,7 +173,8 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         frames: AtomicU64::new(0),
         is_over: AtomicBool::new(false),
     };
-    let ran = work.drive_all(&todo);
+    let jobs = plan.jobs(runs.len(), console).unwrap_or(cores);
+    let ran = work.drive_all(&todo, jobs);
     drop(work);
     (0..runs.len()).try_for_each(|i| session.reload(i))?;
     Ok(MeasuredUnits {
@@ -201,10 +203,9 @@ impl DriveWork<'_> {
         self.is_over.load(Ordering::Relaxed) || interrupt::requested()
     }
 
-    /// Drives several at once, up to the first error.
-    fn drive_all(&self, todo: &[DriveUnit]) -> Result<()> {
+    /// Drives that many at once, up to the first error.
+    fn drive_all(&self, todo: &[DriveUnit], jobs: usize) -> Result<()> {
         let next = AtomicUsize::new(0);
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let drive_on = || {
             while let Some(unit) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let driven = in_own_pool(|| self.drive(*unit));
@@ -219,13 +220,9 @@ impl DriveWork<'_> {
             Ok(())
         };
         let ended: Vec<Result<()>> = std::thread::scope(|scope| {
-            let threads = (0..cores.min(todo.len())).map(|_| scope.spawn(drive_on));
+            let threads = (0..jobs.min(todo.len())).map(|_| scope.spawn(drive_on));
             let threads: Vec<_> = threads.collect();
-            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<()>>| {
-                let thread = thread.join();
-                thread.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            };
-            threads.into_iter().map(join).collect()
+            threads.into_iter().map(joined).collect()
         });
         ended.into_iter().fold(Ok(()), Result::and)?;
         if interrupt::requested() {

@@ -1,6 +1,7 @@
 //! The plan of an evaluation: the scenario, the algorithms and the options.
 
 use super::shard::Shard;
+use crate::console::Console;
 use crate::pass::{Matchers, Pace};
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
@@ -29,6 +30,9 @@ pub struct EvaluationPlan<'a> {
     pub folder: &'a Path,
     /// Number of times that each pair is matched.
     pub rounds: usize,
+    /// Number of threads that match a pair by an algorithm each, so that no times are measured; of
+    /// drives the number at once.
+    pub jobs: Option<usize>,
     /// True if the drives are kept as recordings.
     pub keep_drives: bool,
     pub shard: Option<Shard>,
@@ -55,6 +59,21 @@ pub enum Again {
 }
 
 impl EvaluationPlan<'_> {
+    /// The jobs that are asked for: at most one per core, and per input and algorithm.
+    pub(super) fn jobs(&self, inputs: usize, console: &dyn Console) -> Option<usize> {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let algorithms = self.scenario.algorithms.len();
+        let asked = self.jobs?;
+        let jobs = asked.min(cores).min(inputs * algorithms).max(1);
+        if jobs < asked {
+            let limits = format!("{cores} cores and {inputs} × {algorithms} inputs by algorithms");
+            console.note(&format!(
+                "--jobs {asked}: {jobs} at once, limited by {limits}"
+            ));
+        }
+        Some(jobs)
+    }
+
     /// The manifest of the session.
     pub(super) fn manifest(&self, pace: Pace) -> Result<Manifest> {
         let scenario = self.scenario;

@@ -22,8 +22,8 @@ pub(super) struct EvaluationSession {
     sessions: Vec<StoredSession>,
     again: Again,
     shard: Option<String>,
-    /// True if each pair is matched several times: other times are not taken.
-    has_rounds: bool,
+    /// True if units whose times were measured otherwise, or not, are not taken.
+    compares_times: bool,
     /// True if other shards write into the folder.
     is_shared: bool,
     /// Files that are no units, and units that do not count any more.
@@ -87,7 +87,7 @@ impl EvaluationSession {
             sessions,
             again: plan.again,
             shard,
-            has_rounds: plan.rounds > 1,
+            compares_times: plan.rounds > 1 || plan.again == Again::Times,
             is_shared,
             unusable: BTreeSet::new(),
             read: BTreeSet::new(),
@@ -114,8 +114,8 @@ impl EvaluationSession {
 
     /// The units that need not be matched again.
     fn kept(&self, mut run: RunUnits) -> RunUnits {
-        if self.has_rounds {
-            // Matched fewer times, or more.
+        if self.compares_times {
+            // Matched fewer times, or more, or by several jobs.
             let times = &self.list.manifest.times;
             let sessions = self.sessions.iter().map(|session| &session.manifest);
             let others = sessions.filter(|own| own.times != *times);

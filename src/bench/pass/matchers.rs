@@ -17,14 +17,17 @@ pub struct Matchers(pub(super) Vec<ReadyMatcher>);
 
 pub(super) struct ReadyMatcher {
     pub(super) label: String,
+    pub(super) algorithm: Algorithm,
     pub(super) matcher: Box<dyn Matcher>,
+    /// Others of the same algorithm, for other pairs at the same time.
+    pub(super) copies: Vec<Self>,
     /// Number of pairs that it failed on, the last reason, and true if that was on the previous
     /// pair.
     failed_pairs: u64,
     failure: Option<String>,
     pub(super) is_failing: bool,
     /// Maps that the sinks no longer need.
-    spent: Vec<DisparityMap>,
+    pub(super) spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
     /// Absent where its parameters do not determine it.
     pub(super) max_disparity: Option<i32>,
@@ -49,7 +52,9 @@ impl ReadyMatcher {
         })?;
         Ok(Self {
             label,
+            algorithm: algorithm.clone(),
             matcher,
+            copies: Vec::new(),
             failed_pairs: 0,
             failure: None,
             is_failing: false,
@@ -165,6 +170,13 @@ impl Matchers {
         self.0.is_empty()
     }
 
+    /// The matchers at these places, which ascend.
+    pub(super) fn at(&mut self, places: &[usize]) -> Vec<&mut ReadyMatcher> {
+        let entries = self.0.iter_mut().enumerate();
+        let entries = entries.filter(|(place, _)| places.contains(place));
+        entries.map(|(_, entry)| entry).collect()
+    }
+
     /// Keeps the maps of estimates for later frames.
     pub(super) fn take_back(&mut self, spent: Spent) {
         for (label, map) in spent {
@@ -207,7 +219,7 @@ impl ReadyMatcher {
         }
     }
 
-    /// Matches several pairs at once, `rounds` times.
+    /// Matches pairs, several at once, `rounds` times.
     pub(super) fn match_ahead(
         &mut self,
         pairs: &[(RectifiedPair<'_>, MatchContext<'_>)],
@@ -215,7 +227,9 @@ impl ReadyMatcher {
     ) {
         let mut ahead: Vec<_> = pairs.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..rounds {
-            self.matcher.announce(pairs);
+            if pairs.len() > 1 {
+                self.matcher.announce(pairs);
+            }
             for ((pair, context), outputs) in pairs.iter().zip(&mut ahead) {
                 // Also after a failure: the program has an answer for each pair.
                 add(outputs, self.compute(*pair, context));

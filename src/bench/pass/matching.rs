@@ -83,6 +83,7 @@ impl<'a> Matching<'a> {
             pacer: Pacer { pace, start: None },
             rounds: match pace {
                 Pace::Measured { rounds } => Some(rounds.max(1)),
+                Pace::Jobs(_) => Some(1),
                 Pace::Asap | Pace::Times(_) => None,
             },
             wanted: start.wanted,
@@ -99,7 +100,8 @@ impl<'a> Matching<'a> {
         self.rounds.is_some()
     }
 
-    pub(super) fn matched(&mut self, frame: &Frame) -> Result<MatchedFrame> {
+    /// The places of the algorithms that match the next frame, with memory for its size.
+    pub(super) fn begin(&mut self, frame: &Frame) -> Result<Vec<usize>> {
         self.pacer.wait_for(frame);
         let (wanted, place) = (self.wanted, self.place);
         self.place += 1;
@@ -109,32 +111,54 @@ impl<'a> Matching<'a> {
             self.matchers
                 .warn_of_ranges(frame.pair.size(), rig, self.judge);
         }
-        let entries = self.matchers.0.iter_mut();
-        let matching = entries.filter(|entry| is_wanted(wanted, place, entry));
-        let mut matching: Vec<_> = matching.collect();
-        if matching.is_empty() {
-            // A recording of raw pairs needs no rectified ones.
+        let entries = self.matchers.0.iter().enumerate();
+        let asked = entries.filter(|(_, entry)| is_wanted(wanted, place, entry));
+        let asked: Vec<_> = asked.map(|(i, _)| i).collect();
+        // A recording of raw pairs needs no rectified ones.
+        if !asked.is_empty() {
+            let pair = frame.rectified()?;
+            let context = MatchContext::for_frame(frame, self.judge.grid, self.judge.cells);
+            if self.rounds.is_some() {
+                warm_up(self.matchers.at(&asked), pair, &context);
+            }
+        }
+        Ok(asked)
+    }
+
+    pub(super) fn matched(&mut self, frame: &Frame) -> Result<MatchedFrame> {
+        let asked = self.begin(frame)?;
+        if asked.is_empty() {
             return Ok(MatchedFrame::default());
         }
-        let pair = frame.rectified()?;
         let context = MatchContext::for_frame(frame, self.judge.grid, self.judge.cells);
-        if self.rounds.is_some() {
-            warm_up(&mut matching, pair, &context);
-        }
-        let rounds = in_rounds(&mut matching, pair, &context, self.rounds.unwrap_or(1));
-        let is_interrupted = |own: &Result<_>| matches!(own, Err(Error::Interrupted));
-        if rounds.iter().any(is_interrupted) {
+        let mut matching = self.matchers.at(&asked);
+        let rounds = self.rounds.unwrap_or(1);
+        let rounds = in_rounds(&mut matching, frame.rectified()?, &context, rounds);
+        self.collected(frame, asked.into_iter().zip(rounds).collect())
+    }
+
+    /// The outputs of algorithms for a frame, by their places.
+    pub(super) fn collected(
+        &mut self,
+        frame: &Frame,
+        outputs: Vec<(usize, Result<Vec<MatchOutput>>)>,
+    ) -> Result<MatchedFrame> {
+        let is_interrupted = |(_, own): &(_, Result<_>)| matches!(own, Err(Error::Interrupted));
+        if outputs.iter().any(is_interrupted) {
             return Err(Error::Interrupted);
         }
         let mut matches = MatchedFrame::default();
-        for (entry, outputs) in matching.into_iter().zip(rounds) {
+        for (place, outputs) in outputs {
+            let entry = &mut self.matchers.0[place];
             match outputs.and_then(|outputs| entry.median(outputs)) {
                 Ok(output) => {
                     entry.is_failing = false;
                     matches.matched.push(Matched {
                         algorithm: entry.label.clone(),
                         range_px: entry.max_disparity.map(f64::from),
-                        times: entry.times(&output),
+                        times: entry
+                            .times(&output)
+                            .filter(|_| self.pacer.pace.jobs().is_none()),
                         output,
                     });
                 }
@@ -233,7 +257,7 @@ fn in_rounds(
 }
 
 /// Sets up the memory of algorithms for the size of a pair.
-fn warm_up(entries: &mut [&mut ReadyMatcher], pair: RectifiedPair<'_>, context: &MatchContext<'_>) {
+fn warm_up(entries: Vec<&mut ReadyMatcher>, pair: RectifiedPair<'_>, context: &MatchContext<'_>) {
     for entry in entries {
         if entry.warm_for.replace(pair.size()) != Some(pair.size()) {
             entry.warm_up(pair, context);

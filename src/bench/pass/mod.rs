@@ -3,6 +3,7 @@
 //! Replay, score, record and the experiments are this loop with other sources and sinks. Code that
 //! does not iterate over frames (`svl match`, `svl bench`) calls a matcher directly.
 
+mod jobs;
 mod matchers;
 mod matching;
 #[cfg(test)]
@@ -11,7 +12,7 @@ mod threads;
 mod through;
 
 pub use matchers::Matchers;
-pub(crate) use threads::in_own_pool;
+pub(crate) use threads::{in_own_pool, joined};
 pub use through::{complete, ending, frames_through, report_losses, run_through};
 
 use crate::sink::{PassEnd, PassStart, Sink};
@@ -27,7 +28,7 @@ use svl_score::plausibility::MeasuredScales;
 use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
 /// Watches a pass and may end it.
-pub trait Monitor {
+pub trait Monitor: Send {
     /// Called after every frame; `false` ends the pass without an error.
     fn go_on(&mut self, done: u64) -> bool;
 
@@ -49,9 +50,19 @@ pub enum Pace {
     /// of its median matching of `rounds`, which must have equal results; matchings that set up the
     /// memory for a size of images do not count.
     Measured { rounds: usize },
+    /// Each frame as soon as possible, by that many threads, in each of which one algorithm matches
+    /// one pair: no time is measured.
+    Jobs(usize),
 }
 
 impl Pace {
+    pub(crate) fn jobs(self) -> Option<usize> {
+        match self {
+            Self::Jobs(jobs) => Some(jobs),
+            _ => None,
+        }
+    }
+
     /// The work that the times of such a pass measure, in words.
     pub fn times(self) -> String {
         match self {
@@ -65,6 +76,7 @@ impl Pace {
                 };
                 format!("matching alone, while svl neither reads nor writes{rounds}")
             }
+            Self::Jobs(_) => "not measured with --jobs".to_owned(),
         }
     }
 }
@@ -129,7 +141,8 @@ impl Outcome {
 /// turn too. The threads for
 /// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
 /// waits for the caller's pool, whose only thread may be waiting for them. A measured pass
-/// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch.
+/// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch; with
+/// [`Pace::Jobs`] they have the batches before and behind the one that is matched.
 ///
 /// An algorithm that fails on a frame leaves no estimate for it, and the others continue. It is
 /// reported to the monitor, but not again while the algorithm fails for the same reason frame after
@@ -153,7 +166,7 @@ pub fn run(
     let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_pass(start));
     let ran = begun.and_then(|()| {
         if matching.is_measured() && !source.listens() {
-            in_batches(source, &mut matching, sinks, &mut taken)
+            in_batches(source, &mut matching, pace.jobs(), sinks, &mut taken)
         } else if !matching.matchers.is_empty() && reads_ahead {
             side_by_side(source, &mut matching, sinks, &mut taken)
         } else {

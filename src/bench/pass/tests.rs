@@ -1,6 +1,6 @@
 use super::matchers::ReadyMatcher;
 use super::*;
-use crate::sink::Outbox;
+use crate::sink::{CollectSink, Outbox};
 use crate::source::Chain;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -113,6 +113,15 @@ impl Monitor for Until {
 
 /// The calls of the sink, and the end of the pass.
 fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
+    ran_at(Pace::Asap, source, sink_takes, last)
+}
+
+fn ran_at(
+    pace: Pace,
+    source: &mut dyn Source,
+    sink_takes: usize,
+    last: u64,
+) -> (String, Outcome, Result<()>) {
     let algorithms = ["v3:max_disparity=8".parse().unwrap()];
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
@@ -120,8 +129,8 @@ fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcom
     let log = Log::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Full(sink_takes, Arc::clone(&log)))];
     let mut matchers = Matchers::new(&algorithms).unwrap();
-    let (asap, until) = (Pace::Asap, &mut Until(last));
-    let (outcome, ended) = run(source, &mut matchers, &start, asap, &mut sinks, until);
+    let until = &mut Until(last);
+    let (outcome, ended) = run(source, &mut matchers, &start, pace, &mut sinks, until);
     (log.lock().unwrap().join(" "), outcome, ended)
 }
 
@@ -130,20 +139,32 @@ fn pool(threads: usize) -> rayon::ThreadPool {
     pool.build().unwrap()
 }
 
+const PACES: [Pace; 5] = [
+    Pace::Asap,
+    Pace::Measured { rounds: 1 },
+    Pace::Jobs(1),
+    Pace::Jobs(2),
+    Pace::Jobs(7),
+];
+
 #[test]
 fn every_frame_is_taken_in_order_until_the_same_end() {
     // From the only thread of a pool, and from outside of any.
     let in_pool = |work: &mut (dyn FnMut() + Send)| pool(1).install(work);
     let outside = |work: &mut (dyn FnMut() + Send)| work();
-    for with in [&in_pool as &dyn Fn(&mut (dyn FnMut() + Send)), &outside] {
+    let with = [&in_pool as &dyn Fn(&mut (dyn FnMut() + Send)), &outside];
+    for (with, pace) in with
+        .into_iter()
+        .flat_map(|with| PACES.map(|pace| (with, pace)))
+    {
         with(&mut || {
-            let (log, _, ended) = ran(&mut Failing::new(4), 100, 100);
+            let (log, _, ended) = ran_at(pace, &mut Failing::new(4), 100, 100);
             assert_eq!(log, "begin 3 2 1 0 end source failed");
             assert_eq!(ended.unwrap_err().to_string(), "source failed");
-            let (log, _, ended) = ran(&mut Failing::new(9), 3, 100);
+            let (log, _, ended) = ran_at(pace, &mut Failing::new(9), 3, 100);
             assert_eq!(log, "begin 8 7 6 end sink failed");
             assert_eq!(ended.unwrap_err().to_string(), "sink failed");
-            let (log, outcome, ended) = ran(&mut Failing::new(20), 100, 4);
+            let (log, outcome, ended) = ran_at(pace, &mut Failing::new(20), 100, 4);
             assert_eq!(log, "begin 19 18 17 16 end well");
             ended.unwrap();
             assert_eq!((outcome.frames, outcome.interrupted), (4, true));
@@ -326,6 +347,124 @@ impl Matcher for Several {
             1 => Err(Error::Invalid("too dark".into())),
             _ => Ok(()),
         }
+    }
+}
+
+/// The hashes of all results at a pace, as text, and the end. `change`: of the matchers.
+fn results_at(
+    pace: Pace,
+    algorithms: &[&str],
+    change: impl Fn(&mut Matchers),
+) -> (Vec<String>, Matchers, Result<()>) {
+    let algorithms: Vec<_> = algorithms.iter().map(|own| own.parse().unwrap()).collect();
+    let manifest = Manifest::new("test", &algorithms).unwrap();
+    let judge = Judge::default();
+    let mut matchers = Matchers::new(&algorithms).unwrap();
+    change(&mut matchers);
+    let look = move |judged: &Judged| {
+        let words = judged.estimates.iter().map(|scored| {
+            let estimate = &scored.estimate;
+            assert_eq!(estimate.times.is_none(), matches!(pace, Pace::Jobs(_)));
+            format!("{} {:x}", estimate.algorithm, scored.hash)
+        });
+        let failures = judged.failures.iter().map(|failure| failure.reason.clone());
+        let words: Vec<_> = words.chain(failures).collect();
+        format!("{} {}", judged.frame.sequence, words.join(" "))
+    };
+    let sink = CollectSink::new(look);
+    let results = sink.outbox();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
+    let start = PassStart::new(&manifest, None, &judge);
+    let (mut source, until) = (Failing::new(30), &mut Until(29));
+    let (_, ended) = run(&mut source, &mut matchers, &start, pace, &mut sinks, until);
+    crate::sink::finish(sinks).unwrap();
+    (results.take(), matchers, ended)
+}
+
+#[test]
+fn jobs_have_the_results_of_one_thread() {
+    let algorithms = ["v3", "v5", "sgm", "bm"].map(|name| format!("{name}:max_disparity=8"));
+    let algorithms = algorithms.each_ref().map(String::as_str);
+    for algorithms in [&algorithms[..], &algorithms[..1]] {
+        let all = PACES.map(|pace| results_at(pace, algorithms, |_| ()));
+        assert_eq!(all[0].0.len(), 29);
+        for (results, matchers, ended) in all {
+            ended.unwrap();
+            assert_eq!(results, results_at(PACES[0], algorithms, |_| ()).0);
+            let labels: Vec<_> = matchers.0.iter().map(|own| own.label.as_str()).collect();
+            assert_eq!(labels, algorithms);
+            let copies: Vec<_> = matchers.0.iter().map(|own| own.copies.len()).collect();
+            assert!(copies.iter().sum::<usize>() < 7, "{copies:?}");
+        }
+    }
+}
+
+/// Notes how many of them match at the same time, and panics on a pair.
+struct Crowded {
+    now: Arc<AtomicU64>,
+    most: Arc<AtomicU64>,
+    dies_on: Option<u64>,
+}
+
+impl Matcher for Crowded {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        context: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        assert_eq!(rayon::current_num_threads(), 1, "one thread");
+        assert!(self.dies_on != Some(context.sequence), "out of luck");
+        let now = self.now.fetch_add(1, Ordering::SeqCst) + 1;
+        self.most.fetch_max(now, Ordering::SeqCst);
+        std::thread::yield_now();
+        self.now.fetch_sub(1, Ordering::SeqCst);
+        let (width, height) = pair.size();
+        output.disparity.resize(width, height, ExtraPlanes::NONE)
+    }
+}
+
+/// Puts a crowded matcher in the place of each, the second of which dies on a pair.
+fn crowded(matchers: &mut Matchers, most: &Arc<AtomicU64>, dies_on: Option<u64>) {
+    let now = Arc::default();
+    for (i, entry) in matchers.0.iter_mut().enumerate() {
+        entry.matcher = Box::new(Crowded {
+            now: Arc::clone(&now),
+            most: Arc::clone(most),
+            dies_on: dies_on.filter(|_| i == 1),
+        });
+    }
+}
+
+#[test]
+fn programs_match_in_turn() {
+    let most = Arc::default();
+    let programs = [
+        "a=exec:command=true",
+        "b=exec:command=true",
+        "c=exec:command=true",
+    ];
+    let change = |matchers: &mut Matchers| crowded(matchers, &most, None);
+    let (results, matchers, ended) = results_at(Pace::Jobs(7), &programs, change);
+    ended.unwrap();
+    assert_eq!((results.len(), most.load(Ordering::SeqCst)), (29, 1));
+    assert!(matchers.0.iter().all(|own| own.copies.is_empty()));
+}
+
+#[test]
+fn a_job_that_dies_is_named_and_what_is_whole_is_kept() {
+    // Programs have no copies, and match in turn.
+    let algorithms = ["a=exec:command=true", "b=exec:command=true"];
+    let change = |matchers: &mut Matchers| crowded(matchers, &Arc::default(), Some(17));
+    for jobs in [1, 2, 7] {
+        let (results, _, ended) = results_at(Pace::Jobs(jobs), &algorithms, change);
+        assert_eq!(
+            ended.unwrap_err().to_string(),
+            "b died on pair 17; a bug, please report it"
+        );
+        let sequences: Vec<_> = results.iter().map(|own| &own[..2]).collect();
+        let whole: Vec<_> = (18..30).rev().map(|i| i.to_string()).collect();
+        assert_eq!(sequences, whole);
     }
 }
 

@@ -1,4 +1,5 @@
-//! The threads of a pass: all in turn, side by side, or batch by batch where times are measured.
+//! The threads of a pass: all in turn, side by side, or batch by batch where times are measured or
+//! several threads match.
 
 use super::matchers::Spent;
 use super::matching::{MatchedFrame, Matching, judged};
@@ -7,6 +8,7 @@ use crate::source::Source;
 use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::sync::mpsc::{channel, sync_channel};
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::Frame;
@@ -89,15 +91,14 @@ pub(super) fn side_by_side(
         }
         // The sinks get every matched frame, even after an error.
         drop(send);
-        let pushed = pushing
-            .join()
-            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        pushed.and(ran)
+        joined(pushing).and(ran)
     })
 }
 
 /// Limit on the frames of a batch of a measured pass.
 const MAX_BATCH_FRAMES: usize = 32;
+/// Limit on the frames of a batch of jobs, and on those read ahead of it.
+const MAX_AHEAD: usize = 8;
 /// Limit on the bytes of a batch's frames and maps.
 const MAX_BATCH_BYTES: usize = 256 << 20;
 /// Limit on the time to match a batch, so that a slow program's results are written soon.
@@ -123,19 +124,36 @@ fn match_batch(
     (matched, ran)
 }
 
-/// Batches are matched while nothing else runs; then one is read while the sinks take the last.
+/// Waits for a thread, and panics as it did.
+pub(crate) fn joined<T>(thread: ScopedJoinHandle<'_, T>) -> T {
+    let ended = thread.join();
+    ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// Batches are matched while nothing else runs; then one is read while the sinks take the last. By
+/// jobs a batch is matched meanwhile, too, but its memory is measured before.
 pub(super) fn in_batches(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
+    jobs: Option<usize>,
     sinks: &mut [Box<dyn Sink>],
     taken: &mut TakenFrames,
 ) -> Result<()> {
     let judge = matching.judge;
-    let mut waiting = Waiting::new(matching.matchers.0.len());
+    let max_frames = jobs.map_or(MAX_BATCH_FRAMES, |_| MAX_AHEAD);
+    let mut waiting = Waiting::new(matching.matchers.0.len(), max_frames);
     in_own_pool(|| waiting.fill(source));
+    let mut by_jobs = (Vec::new(), Ok(true));
     loop {
-        let (matched, ran) = match_batch(matching, &mut waiting);
+        let (matched, ran) = match jobs {
+            None => match_batch(matching, &mut waiting),
+            Some(_) => std::mem::replace(&mut by_jobs, (Vec::new(), Ok(true))),
+        };
         let goes_on = matches!(ran, Ok(true));
+        let batch = match jobs {
+            Some(_) if goes_on => in_own_pool(|| matching.begin_batch(&mut waiting.frames)),
+            _ => (Vec::new(), Ok(())),
+        };
         let pushed = std::thread::scope(|scope| {
             if goes_on {
                 scope.spawn(|| in_own_pool(|| waiting.fill(source)));
@@ -157,9 +175,10 @@ pub(super) fn in_batches(
                 Ok(back)
             };
             let pushing = scope.spawn(|| in_own_pool(push_all));
-            pushing
-                .join()
-                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            if let Some(jobs) = jobs {
+                by_jobs = matching.match_by(jobs, batch);
+            }
+            joined(pushing)
         });
         for spent in pushed? {
             matching.matchers.take_back(spent);
@@ -168,6 +187,7 @@ pub(super) fn in_batches(
             return Ok(());
         }
         if waiting.frames.is_empty()
+            && matches!(&by_jobs, (matched, Ok(_)) if matched.is_empty())
             && let Some(end) = waiting.end.take()
         {
             return end;
@@ -179,15 +199,17 @@ pub(super) fn in_batches(
 struct Waiting {
     frames: VecDeque<Frame>,
     algorithms: usize,
+    max_frames: usize,
     /// The end of the source.
     end: Option<Result<()>>,
 }
 
 impl Waiting {
-    fn new(algorithms: usize) -> Self {
+    fn new(algorithms: usize, max_frames: usize) -> Self {
         Self {
             frames: VecDeque::new(),
             algorithms,
+            max_frames,
             end: None,
         }
     }
@@ -200,7 +222,7 @@ impl Waiting {
             width * height * (9 + 6 * self.algorithms)
         };
         let mut held: usize = self.frames.iter().map(bytes).sum();
-        while self.end.is_none() && self.frames.len() < MAX_BATCH_FRAMES && held < MAX_BATCH_BYTES {
+        while self.end.is_none() && self.frames.len() < self.max_frames && held < MAX_BATCH_BYTES {
             match source.next() {
                 Ok(Some(frame)) => {
                     held += bytes(&frame);

@@ -71,7 +71,7 @@ impl Command {
         match self {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
-            Self::Score(args) => score::run(&args, quiet),
+            Self::Score(args) => score::run(&args, quiet, !threads.is_empty()),
             Self::Report(args) => report::run(&args),
             Self::Compare(args) => compare::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, quiet),

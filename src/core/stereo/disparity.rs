@@ -258,12 +258,12 @@ impl DisparityMap {
         hasher.update(&(width as u32).to_le_bytes());
         hasher.update(&(height as u32).to_le_bytes());
         // Row by row in little endian, so that neither gaps nor the machine's byte order matter.
-        let mut bytes = Vec::with_capacity(width * 5);
+        let (mut values, mut bytes) = (Vec::with_capacity(width), Vec::with_capacity(width));
         for (disparity, why) in self.disparity.rows().zip(self.why.rows()) {
+            values.clear();
+            values.extend(disparity.iter().map(|d| d.to_le_bytes()));
+            hasher.update(values.as_flattened());
             bytes.clear();
-            disparity
-                .iter()
-                .for_each(|d| bytes.extend_from_slice(&d.to_le_bytes()));
             bytes.extend(why.iter().map(|&w| w as u8));
             hasher.update(&bytes);
         }

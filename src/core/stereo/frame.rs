@@ -209,8 +209,8 @@ impl Truth {
     pub fn hash(&self) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         for row in self.disparity.rows() {
-            let bytes: Vec<_> = row.iter().flat_map(|d| d.to_le_bytes()).collect();
-            hasher.update(&bytes);
+            let bytes: Vec<_> = row.iter().map(|d| d.to_le_bytes()).collect();
+            hasher.update(bytes.as_flattened());
         }
         hasher.digest128()
     }

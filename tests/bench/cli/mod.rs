@@ -29,6 +29,7 @@ mod histories;
 mod info;
 mod inputs;
 pub mod interrupt;
+mod jobs;
 mod kitti_raw;
 mod label;
 mod late;

@@ -174,7 +174,7 @@ done
 "#;
 
 /// A program that answers each pair of this size with the file `answer`.
-fn write_program(fixture: &Fixture, (width, height): (usize, usize)) {
+pub(super) fn write_program(fixture: &Fixture, (width, height): (usize, usize)) {
     let text = ANSWERS.replace("BYTES", &(2 * width * height).to_string());
     let path = fixture.write("answers.sh", text);
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();

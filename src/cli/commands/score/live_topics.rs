@@ -78,6 +78,9 @@ fn check(args: &Args, live: &str) -> anyhow::Result<f64> {
     if source.from_s.unwrap_or(0.0) >= to_s {
         return wrong("--to has to be after --from and the first pair");
     }
+    if args.jobs.is_some() {
+        return wrong("--jobs is for recordings: record the topics, and score that");
+    }
     // The score would refuse them after the recording.
     if args.gate || args.drives.is_some() {
         return wrong("--gate and --drives are for scenarios");

@@ -22,7 +22,7 @@ use svl::report::{
     BuildOptions, BuiltReport, GateResult, REPORT, Results, TestCase, TestResult, junit,
 };
 use svl::scenario::{Latency, RangeEnds, Scenario, ScenarioSource, SourceOptions, StressLevels};
-use svl::score::{ColumnChoice, Metric, RobotSize};
+use svl::score::{ColumnChoice, Metric, MetricOrigin, RobotSize};
 use svl::sink::{RerunDetail, RerunTarget, next_report_run};
 
 /// Score algorithms on a scenario or on recordings into a report
@@ -99,6 +99,14 @@ pub(crate) struct Args {
         help_heading = "Scoring"
     )]
     repeat: usize,
+    /// Match by N threads, each one pair by one algorithm; no times are measured
+    ///
+    /// All else is as without it. Of drives the number at once [default: one per core].
+    #[arg(
+        long, value_name = "N", value_parser = usage::within(1..=1024usize),
+        conflicts_with_all = ["repeat", "times"], help_heading = "Run"
+    )]
+    jobs: Option<usize>,
     /// Score the truth itself
     ///
     /// Fails when a checkpoint fails that a perfect matcher would pass. The report's folder is
@@ -116,8 +124,8 @@ pub(crate) struct Args {
     /// Match all again, also what the report's folder has
     #[arg(long, conflicts_with = "times", help_heading = "Output")]
     force: bool,
-    /// Match again where the times of algorithms are of several sessions, so that they are
-    /// comparable
+    /// Match again where the times of algorithms are of several sessions or measured otherwise, so
+    /// that they are comparable
     #[arg(long, help_heading = "Run", hide_short_help = true)]
     times: bool,
     /// Remove what the folder has of algorithms and options that are not asked for any more
@@ -237,7 +245,12 @@ impl Args {
     }
 }
 
-pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, quiet: bool, has_threads: bool) -> anyhow::Result<()> {
+    if has_threads && args.jobs.is_some() {
+        return Err(usage::wrong(
+            "--jobs and --threads: each job has one thread; omit one",
+        ));
+    }
     // Before programs are started: svl has to end them after Ctrl-C.
     listen_for_interrupt();
     let recorded = live_topics::recorded(args, quiet)?;
@@ -259,6 +272,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         algorithms_file: args.algo.is_empty().then_some(args.what[0].as_str()),
         folder: &folder,
         rounds: args.repeat,
+        jobs: args.jobs,
         keep_drives: args.drives != Some(KeptDrives::None),
         shard: args.shard,
         lost: recorded.as_ref().map(|recorded| recorded.lost.clone()),
@@ -297,7 +311,17 @@ fn check_plan(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
             args.what[0]
         )));
     }
-    Ok(())
+    let needs = |what: &str| {
+        let words = "needs times, which --jobs does not measure; omit one of them";
+        Err(usage::wrong(format!("{}: {what} {words}", args.what[0])))
+    };
+    let is_late = matches!(scenario.latency, Some(Latency::Measured(_)));
+    let mut limits = scenario.gate.iter().filter(|_| args.gate);
+    match limits.find(|limit| matches!(limit.metric.origin, MetricOrigin::Time)) {
+        Some(limit) if args.jobs.is_some() => needs(&format!("gate in line {}", limit.line)),
+        None if args.jobs.is_some() && is_late => needs("a measured latency"),
+        _ => Ok(()),
+    }
 }
 
 /// The folder of the report.
