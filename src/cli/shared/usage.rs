@@ -94,6 +94,7 @@ pub(crate) const OPTION_SYNONYMS: &[(&[&str], &str, &str)] = &[
     ),
     (&["--grid"], "", "--cells"),
     (&["--ground-truth", "--gt"], "", "--truth"),
+    (&["-j"], "score", "--jobs"),
     (&["--jobs", "-j"], "", "--threads"),
     (&["--html"], "compare", "-o COMPARISON.html"),
     (

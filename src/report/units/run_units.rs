@@ -162,11 +162,11 @@ impl RunUnits {
     /// The doubts that its warnings tell, and those about its truth or its maps.
     pub fn doubts(&self) -> Vec<Doubt> {
         let mut scales = MeasuredScales::default();
-        for units in self.units.values() {
-            // Scales of the first block with enough pixels.
-            if let Some(own) = units.values().filter_map(|unit| unit.scale.clone()).next() {
-                scales.origin = own.origin;
-                scales.algorithms.extend(own.algorithms);
+        for (label, units) in &self.units {
+            // That of the first block with enough pixels.
+            if let Some((origin, scale)) = units.values().find_map(|unit| unit.scale.clone()) {
+                scales.origin = origin;
+                scales.algorithms.insert(label.clone(), scale);
             }
         }
         // Perturbed pairs have the truth of the others.

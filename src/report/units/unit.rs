@@ -18,10 +18,11 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use svl_core::stereo::TruthOrigin;
 use svl_core::{Error, Result};
 use svl_score::manifest::{hash, hash_bytes, hash_reader};
 use svl_score::pixel_errors::PixelErrors;
-use svl_score::plausibility::MeasuredScales;
+use svl_score::plausibility::AlgorithmScale;
 
 /// What a unit has besides its tables.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,9 +37,9 @@ pub struct UnitHeader {
     pub block: u64,
     /// True unless its algorithm was not among those with pictures.
     pub has_pictures: bool,
-    /// The factor between the truth and the algorithm, if there are enough pixels.
+    /// The factor between a truth and the algorithm, if there are enough pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scale: Option<MeasuredScales>,
+    pub scale: Option<(TruthOrigin, AlgorithmScale)>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drive: Option<DriveFacts>,
     /// The tables and the pictures that it has, with their lengths in bytes, once it is written.

@@ -529,7 +529,7 @@ pub fn hash_file(path: &Path) -> Result<String> {
 /// Hash of all bytes of a reader.
 ///
 /// # Errors
-/// Those of the reader.
+/// The errors of the reader.
 pub fn hash_reader(mut reader: impl Read) -> std::io::Result<String> {
     let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
     let mut bytes = vec![0; 1 << 16];

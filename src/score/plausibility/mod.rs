@@ -14,5 +14,5 @@ pub use map::{map_doubt, sign_doubt, without};
 pub use pictures::is_better_match;
 pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
 pub use place::PlaceWatch;
-pub use scale::{MeasuredScales, SCALE_FRAMES, TruthScales, sampled_places};
+pub use scale::{AlgorithmScale, MeasuredScales, SCALE_FRAMES, TruthScales, sampled_places};
 pub use unit::split_unit;

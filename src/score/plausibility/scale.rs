@@ -230,13 +230,10 @@ fn slope(points: &[[f64; 2]]) -> Option<f64> {
 }
 
 impl MeasuredScales {
-    /// Scales of one algorithm, if there are some.
-    pub fn for_label(&self, label: &str) -> Option<Self> {
-        let scale = self.algorithms.get(label)?.clone();
-        Some(Self {
-            origin: self.origin.clone(),
-            algorithms: BTreeMap::from([(label.to_owned(), scale)]),
-        })
+    /// The origin of the truth and the scale of one algorithm, if it has one.
+    pub fn for_label(&self, label: &str) -> Option<(TruthOrigin, AlgorithmScale)> {
+        let scale = self.algorithms.get(label)?;
+        Some((self.origin.clone(), scale.clone()))
     }
 
     /// The doubts about the truth or recorded maps, with the likely unit.
