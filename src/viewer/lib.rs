@@ -82,6 +82,8 @@ const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 /// of an algorithm's estimate. A batch repeats names and metadata of the columns of each entity,
 /// which cost more than what a few pairs have; a run that is killed loses at most two.
 const MAX_BATCH_BYTES: usize = 48 << 20;
+/// Limit on its pairs, as those of a block, which a killed run keeps.
+const MAX_BATCH_PAIRS: usize = 64;
 const BYTES_PER_ESTIMATE: usize = 32 << 10;
 const BYTES_PER_MAP_PIXEL: usize = 4;
 
@@ -469,7 +471,8 @@ impl Sink for RerunSink {
         let (width, height) = frame.pair.size();
         let maps = if has_maps { BYTES_PER_MAP_PIXEL } else { 0 };
         let estimate = BYTES_PER_ESTIMATE + maps * width * height;
-        self.batched += width * height + judged.estimates.len() * estimate;
+        let bytes = width * height + judged.estimates.len() * estimate;
+        self.batched += bytes.max(MAX_BATCH_BYTES / MAX_BATCH_PAIRS);
         match self.target.0.file() {
             // Nothing is measured, or pairs are large.
             Some(_) => self.end_batch(2 * MAX_BATCH_BYTES),

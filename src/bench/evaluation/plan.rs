@@ -5,8 +5,8 @@ use crate::console::Console;
 use crate::pass::{Matchers, Pace};
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
-use svl_core::Result;
 use svl_core::depth::CellDecision;
+use svl_core::{Result, counted, joined};
 use svl_report::BuildOptions;
 use svl_report::units::{PlannedWitness, ReportRun};
 use svl_score::judge::ColumnChoice;
@@ -66,10 +66,13 @@ impl EvaluationPlan<'_> {
         let asked = self.jobs?;
         let jobs = asked.min(cores).min(inputs * algorithms).max(1);
         if jobs < asked {
-            let limits = format!("{cores} cores and {inputs} × {algorithms} inputs by algorithms");
-            console.note(&format!(
-                "--jobs {asked}: {jobs} at once, limited by {limits}"
-            ));
+            let limits = [
+                (cores, "core"),
+                (inputs, "input"),
+                (algorithms, "algorithm"),
+            ];
+            let limits = joined(limits.map(|(count, words)| counted(count, words)));
+            console.note(&format!("--jobs {asked}: {jobs} at once, for {limits}"));
         }
         Some(jobs)
     }

@@ -198,9 +198,12 @@ impl JobQueue {
             return None;
         }
         let (has_program, may_copy) = (self.has_program, self.copies_left > 0);
-        let is_ready = |lane: &MatchLane| match lane.idle.is_empty() {
-            true => may_copy && lane.copied.is_some(),
-            false => !(lane.is_program && has_program),
+        let is_ready = |lane: &MatchLane| {
+            if lane.idle.is_empty() {
+                may_copy && lane.copied.is_some()
+            } else {
+                !(lane.is_program && has_program)
+            }
         };
         let lanes = self.lanes.iter_mut().enumerate();
         let ready = lanes.filter(|(_, lane)| !lane.frames.is_empty() && is_ready(lane));

@@ -42,6 +42,11 @@ pub struct ScoredRun {
 }
 
 impl ScoredRun {
+    /// True if matching was measured.
+    pub(super) fn has_times(&self) -> bool {
+        self.rows.iter().any(|row| row.total_us().is_some())
+    }
+
     /// Reads a report, `FOLDER`, or one algorithm of it, `FOLDER#LABEL`. `area`: the cells that
     /// metrics of an area are of.
     ///

@@ -537,7 +537,9 @@ impl Results {
     pub fn speed_table(&self) -> Option<Table> {
         let mut table = Table::from_items("Speed", &SPEED, self.measured());
         table.remove_empty_columns();
-        with_time_notes(table).if_any()
+        // One of names alone has nothing to tell.
+        let is_measured = table.columns.len() > 1;
+        with_time_notes(table).if_any().filter(|_| is_measured)
     }
 
     /// The result of the best and of the worst frame per checkpoint, and the fraction that passes;

@@ -395,6 +395,9 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
     print_report(&report, scenario, folder, args.explain, args.json)?;
     if !args.json {
         print(&matched_line(&report, session.as_deref()))?;
+        if args.jobs.is_some() {
+            print("times    not measured with --jobs; --times measures them\n")?;
+        }
     }
     if session.is_none() && args.asks_for_rerun() {
         tracing::warn!("nothing was matched, so Rerun shows nothing; --force matches all again");
@@ -420,7 +423,9 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
 /// The algorithms whose results were in the report, if there are some; without a session all were.
 fn matched_line(report: &BuiltReport, session: Option<&str>) -> String {
     let Some(session) = session else {
-        let times = report.last_session.as_ref();
+        let mut algorithms = report.summary.algorithms.iter();
+        let has_times = algorithms.any(|own| own.p50_ms.is_some());
+        let times = report.last_session.as_ref().filter(|_| has_times);
         let times = times.map_or(String::new(), |began| format!("; times of {began}"));
         return format!("matched  nothing: all results were in the report{times}\n");
     };
