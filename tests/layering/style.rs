@@ -68,22 +68,22 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 14239),
+    ("bench", 14245),
     ("c", 478),
     ("calibrate", 4988),
-    ("cli", 11298),
+    ("cli", 11303),
     ("core", 19647),
     ("files", 2552),
     ("grab", 5139),
     ("live", 468),
     ("python", 394),
     ("recording", 13987),
-    ("report", 16502),
+    ("report", 16515),
     ("score", 9527),
     ("sim", 3550),
     ("thesis", 2644),
     ("train", 3435),
-    ("viewer", 1790),
+    ("viewer", 1792),
 ];
 
 /// Lines of code of a file before its tests: without comments and empty lines.

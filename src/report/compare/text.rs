@@ -3,6 +3,7 @@
 use super::comparison::{AlgorithmChange, Comparison, Conclusion};
 use super::courses::CourseChanges;
 use super::join::{Join, MAP};
+use super::scored_run::ScoredRun;
 use crate::pages::summary_tables::accuracy_tables;
 use crate::results::change::{Change, Judgement, is_ranked};
 use crate::results::summary::caution;
