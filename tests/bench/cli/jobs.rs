@@ -91,7 +91,7 @@ fn jobs_that_cannot_be_are_refused_or_fewer() {
     let ran = fixture.svl("score run.mcap --algo bm --jobs 900 --rerun none -o r");
     assert_says(
         &ran.stderr,
-        &["--jobs 900: 1 at once", "1 input and 1 algorithm"],
+        &["--jobs 900: 1 at once", "1 input, 1 algorithm"],
     );
     ran.done();
 }
