@@ -68,10 +68,10 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 14245),
+    ("bench", 14239),
     ("c", 478),
     ("calibrate", 4988),
-    ("cli", 11303),
+    ("cli", 11306),
     ("core", 19647),
     ("files", 2552),
     ("grab", 5139),

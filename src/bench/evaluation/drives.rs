@@ -173,7 +173,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         frames: AtomicU64::new(0),
         is_over: AtomicBool::new(false),
     };
-    let jobs = plan.jobs(runs.len(), console).unwrap_or(cores);
+    let jobs = plan.jobs(console).unwrap_or(cores);
     let ran = work.drive_all(&todo, jobs);
     drop(work);
     (0..runs.len()).try_for_each(|i| session.reload(i))?;

@@ -6,7 +6,7 @@ use crate::pass::{Matchers, Pace};
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
 use svl_core::depth::CellDecision;
-use svl_core::{Result, counted, joined};
+use svl_core::{Result, counted};
 use svl_report::BuildOptions;
 use svl_report::units::{PlannedWitness, ReportRun};
 use svl_score::judge::ColumnChoice;
@@ -59,22 +59,15 @@ pub enum Again {
 }
 
 impl EvaluationPlan<'_> {
-    /// The jobs that are asked for: at most one per core, and per input and algorithm.
-    pub(super) fn jobs(&self, inputs: usize, console: &dyn Console) -> Option<usize> {
+    /// The jobs that are asked for, at most one per core.
+    pub(super) fn jobs(&self, console: &dyn Console) -> Option<usize> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let algorithms = self.scenario.algorithms.len();
         let asked = self.jobs?;
-        let jobs = asked.min(cores).min(inputs * algorithms).max(1);
-        if jobs < asked {
-            let limits = [
-                (cores, "core"),
-                (inputs, "input"),
-                (algorithms, "algorithm"),
-            ];
-            let limits = joined(limits.map(|(count, words)| counted(count, words)));
-            console.note(&format!("--jobs {asked}: {jobs} at once, for {limits}"));
+        if cores < asked {
+            let cores = counted(cores, "core");
+            console.note(&format!("--jobs {asked}: fewer, for {cores}"));
         }
-        Some(jobs)
+        Some(asked.min(cores))
     }
 
     /// The manifest of the session.

@@ -43,11 +43,10 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let live = RunningTable::default();
     let opener = RunOpener::new(scenario, console, &live)?;
     warn_of_unstressed(scenario);
-    let inputs = opener.count() * plan.stresses().count();
     let measured = Pace::Measured {
         rounds: plan.rounds,
     };
-    let pace = plan.jobs(inputs, console).map_or(measured, Pace::Jobs);
+    let pace = plan.jobs(console).map_or(measured, Pace::Jobs);
     let mut manifest = plan.manifest(pace)?;
     manifest.runs = opener.records();
     manifest.chain = opener.chain()?;

@@ -164,15 +164,14 @@ impl Comparison {
         let work = (base != other).then(|| format!("{base} and then of {other}"));
         let other = machine.map(str::to_owned).into_iter().chain(work);
         let other = other.collect::<Vec<_>>().join(", ");
-        let none = |run: &ScoredRun| format!("{} has none", run.name.display());
         let times = match join.runs.map(ScoredRun::has_times) {
             [true, true] if other.is_empty() => None,
             [true, true] => Some(format!("ratios of times are also those of {other}")),
             [false, false] => None,
-            [has_times, _] => Some(format!(
-                "times are not compared: {}",
-                none(join.runs[usize::from(has_times)])
-            )),
+            [has_times, _] => {
+                let untimed = join.runs[usize::from(has_times)].name.display();
+                Some(format!("times are not compared: {untimed} has none"))
+            }
         };
         let allowed = self.algorithms.iter().filter(|own| !own.exceeds_losses);
         let allowed = allowed.filter_map(|own| {

@@ -395,7 +395,7 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
     print_report(&report, scenario, folder, args.explain, args.json)?;
     if !args.json {
         print(&matched_line(&report, session.as_deref()))?;
-        if args.jobs.is_some() {
+        if args.jobs.is_some() && !has_times(&report) {
             print("times    not measured with --jobs; --times measures them\n")?;
         }
     }
@@ -420,12 +420,16 @@ fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> 
     }
 }
 
+fn has_times(report: &BuiltReport) -> bool {
+    let mut algorithms = report.summary.algorithms.iter();
+    algorithms.any(|own| own.p50_ms.is_some())
+}
+
 /// The algorithms whose results were in the report, if there are some; without a session all were.
 fn matched_line(report: &BuiltReport, session: Option<&str>) -> String {
     let Some(session) = session else {
-        let mut algorithms = report.summary.algorithms.iter();
-        let has_times = algorithms.any(|own| own.p50_ms.is_some());
-        let times = report.last_session.as_ref().filter(|_| has_times);
+        let times = report.last_session.as_ref();
+        let times = times.filter(|_| has_times(report));
         let times = times.map_or(String::new(), |began| format!("; times of {began}"));
         return format!("matched  nothing: all results were in the report{times}\n");
     };
