@@ -1,7 +1,10 @@
 //! Small image files for HTML pages and Rerun: palette PNG and JPEG.
 
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageBuffer, Luma, Pixel, PixelWithColorType, imageops};
+use std::io::Write as _;
 use svl_core::stereo::{Gray, Plane, Rgb};
 use svl_core::{Error, Result};
 
@@ -13,7 +16,6 @@ const QUALITY: u8 = 78;
 /// # Errors
 /// [`Error::Invalid`] for an empty or too large palette, or a code beyond it.
 pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<u8>> {
-    let (width, height) = codes.size();
     if palette.is_empty()
         || palette.len() > 256
         || codes.pixels().any(|c| usize::from(c) >= palette.len())
@@ -23,38 +25,8 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
             palette.len()
         )));
     }
-    let half_bytes = palette.len() <= 16;
-    // Each row of 4-bit codes begins at a byte.
-    let packed = |row: &[u8]| -> Vec<u8> {
-        if half_bytes {
-            row.chunks(2)
-                .map(|pair| pair[0] << 4 | pair.get(1).copied().unwrap_or_default())
-                .collect()
-        } else {
-            row.to_vec()
-        }
-    };
-    let data: Vec<u8> = codes.rows().flat_map(packed).collect();
-    let wrong = |e: png::EncodingError| Error::Invalid(format!("PNG encoder: {e}"));
-    let mut file = Vec::new();
-    // Sides are at most MAX_SIDE, so they fit in 32 bits.
-    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
-    encoder.set_color(png::ColorType::Indexed);
-    encoder.set_depth(if half_bytes {
-        png::BitDepth::Four
-    } else {
-        png::BitDepth::Eight
-    });
-    encoder.set_palette(palette.as_flattened());
     // Level 9 takes twenty times as long for a tenth fewer bytes.
-    encoder.set_deflate_compression(png::DeflateCompression::Level(4));
-    // Codes are indices, not amounts: a filter gains nothing from their differences.
-    encoder.set_filter(png::Filter::NoFilter);
-    encoder
-        .write_header()
-        .and_then(|mut writer| writer.write_image_data(&data))
-        .map_err(wrong)?;
-    Ok(file)
+    indexed_png(codes, palette.as_flattened(), None, 4)
 }
 
 /// A PNG of classes, compressed quickly: `codes` are indices into `colors`, whose last channel is
@@ -63,38 +35,56 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
 /// # Errors
 /// [`Error::Invalid`] with the encoder's message.
 pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u8>> {
-    let (width, height) = codes.size();
-    // Two classes take a bit each; each row of bits begins at a byte, with its first pixel in the
-    // highest bit.
-    let byte = |eight: &[u8]| {
-        let bits = eight.iter().enumerate();
-        bits.fold(0, |byte, (i, &bit)| byte | bit << (7 - i))
-    };
-    let data: Vec<u8> = match colors.len() {
-        ..=2 => codes
-            .rows()
-            .flat_map(|row| row.chunks(8).map(byte))
-            .collect(),
-        _ => codes.rows().flatten().copied().collect(),
-    };
     let palette: Vec<u8> = colors.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
-    let opacities: Vec<u8> = colors.iter().map(|color| color[3]).collect();
+    let opacities = colors.iter().map(|color| color[3]).collect();
+    indexed_png(codes, &palette, Some(opacities), 1)
+}
+
+/// A PNG of codes, deflated at `level`: in the fewest bits that hold all indices into `palette`.
+fn indexed_png(
+    codes: &Plane<u8>,
+    palette: &[u8],
+    opacities: Option<Vec<u8>>,
+    level: u32,
+) -> Result<Vec<u8>> {
+    let (depth, bits) = match palette.len() / 3 {
+        ..=2 => (png::BitDepth::One, 1),
+        3..=16 => (png::BitDepth::Four, 4),
+        _ => (png::BitDepth::Eight, 8),
+    };
+    let (width, height) = codes.size();
+    let mut rows = Vec::with_capacity(height * (1 + (width * bits).div_ceil(8)));
+    for row in codes.rows() {
+        // No filter: codes are indices, not amounts, whose differences tell nothing.
+        rows.push(0);
+        // Each row begins at a byte, with its first pixel in the highest bits.
+        match bits {
+            8 => rows.extend_from_slice(row),
+            _ => rows.extend(row.chunks(8 / bits).map(|codes| {
+                let codes = codes.iter().enumerate();
+                codes.fold(0, |byte, (i, code)| byte | code << (8 - bits * (i + 1)))
+            })),
+        }
+    }
+    let wrong = |e: png::EncodingError| Error::Invalid(format!("PNG encoder: {e}"));
     let mut file = Vec::new();
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
     let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
     encoder.set_color(png::ColorType::Indexed);
-    if colors.len() <= 2 {
-        encoder.set_depth(png::BitDepth::One);
-    }
+    encoder.set_depth(depth);
     encoder.set_palette(palette);
-    encoder.set_trns(opacities);
-    // `Compression::Fast` has one code table for all images, which does not suit classes.
-    encoder.set_deflate_compression(png::DeflateCompression::Level(1));
-    encoder.set_filter(png::Filter::NoFilter);
-    encoder
-        .write_header()
-        .and_then(|mut writer| writer.write_image_data(&data))
-        .map_err(|e| Error::Invalid(format!("PNG encoder: {e}")))?;
+    if let Some(opacities) = opacities {
+        encoder.set_trns(opacities);
+    }
+    let mut writer = encoder.write_header().map_err(wrong)?;
+    // In one piece: `write_image_data` clears a buffer of 32 KB for each row.
+    let mut deflate = ZlibEncoder::new(Vec::new(), Compression::new(level));
+    let deflated = deflate.write_all(&rows).and_then(|()| deflate.finish());
+    let deflated = deflated.map_err(|e| wrong(e.into()))?;
+    writer
+        .write_chunk(png::chunk::IDAT, &deflated)
+        .and_then(|()| writer.finish())
+        .map_err(wrong)?;
     Ok(file)
 }
 

@@ -5,7 +5,7 @@ use crate::plausibility::sampled_places;
 use crate::scenario::DistanceRange;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
-use svl_core::stereo::{CellRule, Estimate, Frame, Plane, Visibility};
+use svl_core::stereo::{CellRule, Estimate, Frame, Rig, Visibility};
 
 /// Pixels of a pair that are compared, about.
 const PIXELS: f64 = 4800.0;
@@ -30,6 +30,57 @@ pub fn narrow_range(true_m: f64) -> usize {
 /// The least distance of a narrow range, metres.
 pub fn narrow_from_m(number: usize) -> f64 {
     ENDS_M[number]
+}
+
+/// The pixels of a frame that are compared: those with a true distance that both cameras see.
+#[derive(Debug, Default)]
+pub struct TruePixels {
+    rig: Option<Rig>,
+    pixels: Vec<TruePixel>,
+}
+
+#[derive(Debug)]
+struct TruePixel {
+    place: (usize, usize),
+    /// The number of its narrow range.
+    range: usize,
+    true_m: f64,
+    /// The tolerance of a right cell at that distance.
+    tolerance_m: f64,
+    /// True at infinity, where distances differ by little more than a disparity's error.
+    is_far: bool,
+}
+
+impl TruePixels {
+    /// The pixels of a frame; none if its cells are not scored by distances.
+    pub fn new(frame: &Frame, rule: &CellRule) -> Self {
+        let (Some(truth), Some(rig)) = (&frame.truth, frame.rig()) else {
+            return Self::default();
+        };
+        if !matches!(rule, CellRule::Distance { .. }) {
+            return Self::default();
+        }
+        let is_seen = |(x, y): &(usize, usize)| {
+            let seen = truth.visibility.as_ref();
+            seen.is_none_or(|seen| seen.get(*x, *y) == Visibility::Visible)
+        };
+        let pixel = |place: (usize, usize)| {
+            let true_px = truth.disparity.get(place.0, place.1);
+            let true_m = rig.depth_m(true_px.into());
+            true_m.filter(|_| true_px.is_finite()).map(|true_m| TruePixel {
+                place,
+                range: narrow_range(true_m),
+                true_m,
+                tolerance_m: rule.tolerance_at_m(true_m),
+                is_far: f64::from(true_px - rig.infinity_px()) <= rule.far_px(),
+            })
+        };
+        let places = sampled_places(truth.disparity.size(), PIXELS).filter(is_seen);
+        Self {
+            rig: Some(*rig),
+            pixels: places.filter_map(pixel).collect(),
+        }
+    }
 }
 
 /// The errors of an algorithm's pixels by narrow ranges: by their numbers, none before the first
@@ -57,43 +108,29 @@ pub struct RangePixels {
 }
 
 impl PixelErrors {
-    /// Adds an estimate of a frame whose cells are scored by distances.
-    pub fn add(&mut self, frame: &Frame, estimate: &Estimate, rule: &CellRule) {
-        let (Some(truth), Some(rig)) = (&frame.truth, frame.rig()) else {
+    /// Adds an estimate of the frame that these are the pixels of.
+    pub fn add(&mut self, truth: &TruePixels, estimate: &Estimate) {
+        let Some(rig) = &truth.rig else {
             return;
         };
-        if !matches!(rule, CellRule::Distance { .. }) {
-            return;
-        }
         self.0.resize(ENDS_M.len(), RangePixels::default());
         let map = estimate.disparity.disparity();
-        for (x, y) in sampled_places(truth.disparity.size(), PIXELS) {
-            let is_seen = |seen: &Plane<_>| seen.get(x, y) == Visibility::Visible;
-            let true_px = truth.disparity.get(x, y);
-            if !true_px.is_finite() || !truth.visibility.as_ref().is_none_or(is_seen) {
-                continue;
-            }
-            let Some(true_m) = rig.depth_m(true_px.into()) else {
-                continue;
-            };
-            let sums = &mut self.0[narrow_range(true_m)];
-            let reported_px = map.get(x, y);
+        for pixel in &truth.pixels {
+            let sums = &mut self.0[pixel.range];
+            let reported_px = map.get(pixel.place.0, pixel.place.1);
             sums.scored += 1;
-            sums.true_m += true_m;
+            sums.true_m += pixel.true_m;
             if !reported_px.is_finite() {
                 continue;
             }
             sums.known += 1;
-            let error_m = rig.depth_m(reported_px.into()).map(|m| m - true_m);
-            // At infinity, where distances differ by little more than a disparity's error.
-            let is_far = || f64::from(true_px - rig.infinity_px()) <= rule.far_px();
-            let is_wrong =
-                error_m.map_or_else(|| !is_far(), |m| m.abs() > rule.tolerance_at_m(true_m));
+            let error_m = rig.depth_m(reported_px.into()).map(|m| m - pixel.true_m);
+            let is_wrong = error_m.map_or(!pixel.is_far, |m| m.abs() > pixel.tolerance_m);
             sums.wrong += u64::from(is_wrong);
             if let Some(error_m) = error_m {
                 sums.errors_m += error_m;
                 sums.squares_m2 += error_m * error_m;
-                sums.relative += error_m.abs() / true_m;
+                sums.relative += error_m.abs() / pixel.true_m;
                 sums.count((error_m.abs() as f32).to_bits() >> SIZE_BITS, 1);
             }
         }
@@ -187,7 +224,7 @@ impl RangePixels {
 mod tests {
     use super::*;
     use svl_core::depth::{self, GridSettings};
-    use svl_core::stereo::{DisparityMap, Geometry, Rig, StereoPair, Truth};
+    use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
 
     #[test]
     fn sums_are_those_of_the_pixels_of_a_range() {
@@ -223,7 +260,7 @@ mod tests {
             range_px: None,
             times: None,
         };
-        errors.add(&frame, &estimate, &CellRule::default());
+        errors.add(&TruePixels::new(&frame, &CellRule::default()), &estimate);
         // Ends of narrow ranges.
         let range: DistanceRange = "2..8".parse().unwrap();
         let sums = errors.sums(range);

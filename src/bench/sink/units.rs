@@ -16,7 +16,7 @@ use svl_report::units::{
 use svl_report::{FloorRays, FrameRow, TruthRow};
 use svl_score::judge::{BodyPose, CellArea, Checkpoint, Judged, TestPiece, TrueCells};
 use svl_score::manifest::{hash, hash_bytes};
-use svl_score::pixel_errors::PixelErrors;
+use svl_score::pixel_errors::{PixelErrors, TruePixels};
 use svl_score::plausibility::{SCALE_FRAMES, TruthScales};
 
 /// The truth of the cells of a frame, where distances are scored.
@@ -178,12 +178,14 @@ impl UnitSink {
         let here = frame.pose.map(|pose| pose.translation);
         let steps = here.zip(std::mem::replace(&mut self.place, here));
         let way_m = steps.map(|(here, before)| (here.vector - before.vector).norm());
-        let piece = self.piece.filter(|_| self.run.stress.is_none());
+        let is_perturbed = self.run.stress.is_some();
+        let pixels = (!is_perturbed).then(|| TruePixels::new(frame, &self.cells));
+        let piece = self.piece.filter(|_| !is_perturbed);
         for scored in judged.estimates.iter().chain(&judged.witness) {
             let label = &scored.estimate.algorithm;
-            if self.run.stress.is_none() {
+            if let Some(pixels) = &pixels {
                 let own = self.pixel_errors.entry(label.clone()).or_default();
-                own.add(frame, &scored.estimate, &self.cells);
+                own.add(pixels, &scored.estimate);
             }
             let shown = scored.checkpoints.iter();
             let frames = shown.map(|(i, shown)| {

@@ -39,9 +39,9 @@ pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {
 
 /// The index of the bin of [`BINS`] that contains an error of that size.
 pub fn bin(error_size: f32) -> usize {
-    BINS.iter()
-        .position(|(end, _)| error_size < *end)
-        .unwrap_or(BINS.len() - 1)
+    // Without a branch: neighbouring pixels have errors of any size.
+    let below = BINS.iter().filter(|(end, _)| error_size >= *end);
+    below.count().min(BINS.len() - 1)
 }
 
 /// The errors of disparities, a plane of the size of `truth`: blue to red if both cameras see the
@@ -53,15 +53,20 @@ pub fn errors(disparities: &Plane<f32>, truth: &Truth) -> Picture {
     let mut codes = truth.disparity.map(|_| unknown);
     for (y, truths) in truth.disparity.rows().enumerate() {
         let visible = truth.visibility.as_ref().map(|v| v.row(y));
-        for (x, (&estimate, &true_px)) in disparities.row(y).iter().zip(truths).enumerate() {
+        let visible = |x: usize| visible.is_none_or(|row| row[x] == Visibility::Visible);
+        let pixels = disparities.row(y).iter().zip(truths).enumerate();
+        let codes = codes.row_mut(y).iter_mut();
+        for (code, (x, (&estimate, &true_px))) in codes.zip(pixels) {
             // The order matters: without truth nothing is scored, occluded or not.
-            let code = match visible.map(|v| v[x]) {
-                _ if !true_px.is_finite() => unknown,
-                Some(Visibility::Occluded | Visibility::Unknown) => hidden,
-                _ if !estimate.is_finite() => silent,
-                _ => bin(error_size(estimate, true_px)) as u8,
+            *code = if !true_px.is_finite() {
+                unknown
+            } else if !visible(x) {
+                hidden
+            } else if !estimate.is_finite() {
+                silent
+            } else {
+                bin(error_size(estimate, true_px)) as u8
             };
-            codes.set(x, y, code);
         }
     }
     Picture {

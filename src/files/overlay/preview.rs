@@ -30,7 +30,8 @@ pub const NO_DISPARITY: u8 = 0;
 pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     let step = |d: f32| {
         if d.is_finite() {
-            NO_DISPARITY + 1 + ((d / max_px).clamp(0.0, 1.0) * f32::from(STEPS - 1)).round() as u8
+            // To the nearest step: `round` is a call.
+            NO_DISPARITY + 1 + ((d / max_px).clamp(0.0, 1.0) * f32::from(STEPS - 1) + 0.5) as u8
         } else {
             NO_DISPARITY
         }

@@ -232,11 +232,14 @@ impl TrueCells {
             Some(points) => points.share(agrees),
             None => {
                 let (columns, rows) = shape.pixels(place, truth.disparity.size());
-                let values = rows.flat_map(|y| &truth.disparity.row(y)[columns.clone()]);
-                share(
-                    &values.copied().filter(is_known).collect::<Vec<_>>(),
-                    agrees,
-                )
+                let all = &truth.disparity;
+                let maps = CellMaps {
+                    all,
+                    above: all,
+                    columns,
+                    rows,
+                };
+                share(&maps.known(all), agrees)
             }
         };
         named >= MIN_NAMED
@@ -250,9 +253,15 @@ impl CellMaps<'_> {
 
     /// The known disparities.
     fn known(&self, map: &Plane<f32>) -> Vec<f32> {
-        let rows = self.rows.clone();
-        let values = rows.flat_map(|y| &map.row(y)[self.columns.clone()]);
-        values.copied().filter(is_known).collect()
+        let mut known = Vec::with_capacity(self.rows.len() * self.columns.len());
+        for row in self.rows.clone().map(|y| &map.row(y)[self.columns.clone()]) {
+            if row.iter().all(is_known) {
+                known.extend_from_slice(row);
+            } else {
+                known.extend(row.iter().copied().filter(is_known));
+            }
+        }
+        known
     }
 
     /// True if a part of the cell has no known pixel.
