@@ -61,7 +61,6 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::Flag { default: true },
             description: "take the median of three by three disparities",
         },
-        // The gain is in docs/results/tuning.md.
         Speckles::size(4),
         Speckles::RANGE,
     ],
