@@ -67,13 +67,15 @@ impl TruePixels {
         let pixel = |place: (usize, usize)| {
             let true_px = truth.disparity.get(place.0, place.1);
             let true_m = rig.depth_m(true_px.into());
-            true_m.filter(|_| true_px.is_finite()).map(|true_m| TruePixel {
-                place,
-                range: narrow_range(true_m),
-                true_m,
-                tolerance_m: rule.tolerance_at_m(true_m),
-                is_far: f64::from(true_px - rig.infinity_px()) <= rule.far_px(),
-            })
+            true_m
+                .filter(|_| true_px.is_finite())
+                .map(|true_m| TruePixel {
+                    place,
+                    range: narrow_range(true_m),
+                    true_m,
+                    tolerance_m: rule.tolerance_at_m(true_m),
+                    is_far: f64::from(true_px - rig.infinity_px()) <= rule.far_px(),
+                })
         };
         let places = sampled_places(truth.disparity.size(), PIXELS).filter(is_seen);
         Self {

@@ -39,9 +39,10 @@ pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {
 
 /// The index of the bin of [`BINS`] that contains an error of that size.
 pub fn bin(error_size: f32) -> usize {
-    // Without a branch: neighbouring pixels have errors of any size.
-    let below = BINS.iter().filter(|(end, _)| error_size >= *end);
-    below.count().min(BINS.len() - 1)
+    // The ends of bins are powers of two from 1/16 on: their exponents are the numbers of bins.
+    const BELOW_ONE: u32 = f32::MAX_EXP as u32 - 2;
+    let exponent = (error_size / BINS[0].0).to_bits() >> (f32::MANTISSA_DIGITS - 1);
+    (exponent.saturating_sub(BELOW_ONE) as usize).min(BINS.len() - 1)
 }
 
 /// The errors of disparities, a plane of the size of `truth`: blue to red if both cameras see the
@@ -99,6 +100,10 @@ mod tests {
             [0.0, 0.0625, 0.99, 1.0, 15.9, 16.0, f32::INFINITY].map(bin),
             [0, 1, 4, 5, 8, 9, 9]
         );
+        for size in (0..4000).map(|i| i as f32 / 125.0) {
+            let expected = BINS.iter().position(|(end, _)| size < *end);
+            assert_eq!(bin(size), expected.unwrap());
+        }
     }
 
     #[test]

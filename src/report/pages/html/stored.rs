@@ -6,13 +6,21 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::de::Error as _;
 use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::value::RawValue;
+
+/// JSON's text of an image, which is not searched for characters to escape again.
+fn base64(image: &[u8]) -> serde_json::Result<Box<RawValue>> {
+    RawValue::from_string(format!("\"{}\"", STANDARD.encode(image)))
+}
 
 /// An image file.
 pub(crate) mod image {
     use super::*;
 
     pub fn serialize<S: Serializer>(image: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
-        STANDARD.encode(image).serialize(serializer)
+        base64(image)
+            .map_err(S::Error::custom)?
+            .serialize(serializer)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
@@ -29,8 +37,8 @@ pub(crate) mod optional_image {
         image: &Option<Vec<u8>>,
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
-        let text = image.as_ref().map(|image| STANDARD.encode(image));
-        text.serialize(serializer)
+        let text = image.as_deref().map(base64).transpose();
+        text.map_err(S::Error::custom)?.serialize(serializer)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(
