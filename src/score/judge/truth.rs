@@ -232,14 +232,7 @@ impl TrueCells {
             Some(points) => points.share(agrees),
             None => {
                 let (columns, rows) = shape.pixels(place, truth.disparity.size());
-                let all = &truth.disparity;
-                let maps = CellMaps {
-                    all,
-                    above: all,
-                    columns,
-                    rows,
-                };
-                share(&maps.known(all), agrees)
+                share(&known(&truth.disparity, &columns, &rows), agrees)
             }
         };
         named >= MIN_NAMED
@@ -249,19 +242,6 @@ impl TrueCells {
 impl CellMaps<'_> {
     fn points(&self, map: &Plane<f32>) -> SparseCell {
         SparseCell::new(map, &self.columns, &self.rows)
-    }
-
-    /// The known disparities.
-    fn known(&self, map: &Plane<f32>) -> Vec<f32> {
-        let mut known = Vec::with_capacity(self.rows.len() * self.columns.len());
-        for row in self.rows.clone().map(|y| &map.row(y)[self.columns.clone()]) {
-            if row.iter().all(is_known) {
-                known.extend_from_slice(row);
-            } else {
-                known.extend(row.iter().copied().filter(is_known));
-            }
-        }
-        known
     }
 
     /// True if a part of the cell has no known pixel.
@@ -279,7 +259,8 @@ impl TrueCell {
         limits: NearLimits<'_>,
         has_holes: bool,
     ) -> Self {
-        let [mut all, above] = [maps.all, maps.above].map(|map| maps.known(map));
+        let [mut all, above] =
+            [maps.all, maps.above].map(|map| known(map, &maps.columns, &maps.rows));
         let floor = share(&above, |d| d == FLOOR_PX);
         let is_scored = has_truth(&depth, limits.rule);
         let quarter = is_scored.then(|| TrueQuarter::new(&mut all, &above, limits));
@@ -432,6 +413,19 @@ fn above_floor(truth: &Truth) -> Cow<'_, Plane<f32>> {
 /// True for a disparity that is known, or floor.
 fn is_known(disparity: &f32) -> bool {
     *disparity < f32::INFINITY
+}
+
+/// The known disparities of a cell.
+fn known(map: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> Vec<f32> {
+    let mut known = Vec::with_capacity(rows.len() * columns.len());
+    for row in rows.clone().map(|y| &map.row(y)[columns.clone()]) {
+        if row.iter().all(is_known) {
+            known.extend_from_slice(row);
+        } else {
+            known.extend(row.iter().copied().filter(is_known));
+        }
+    }
+    known
 }
 
 /// The fraction of the values for which a function is true, 0..=1.
