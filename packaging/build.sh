@@ -25,6 +25,12 @@ if [ "$triple" != "$host" ]; then
   export "CARGO_TARGET_$(tr a-z- A-Z_ <<< "$triple")_RUNNER=$emulator -L $libraries"
   rustup --quiet target add "$triple"
 fi
+for program in debootstrap readelf; do
+  command -v "$program" > /dev/null || {
+    echo "$program: missing; packaging/check.sh needs it: apt-get install debootstrap binutils" >&2
+    exit 1
+  }
+done
 rm -rf "$out" && mkdir -p "$out"
 packaging/wheel.sh "$out" "$profile" "$triple"
 

@@ -15,6 +15,19 @@ from pathlib import Path
 
 PACKAGES = ["svl", "svl-python", "svl-c"]
 LICENCE_FILE = re.compile(r"(licen[cs]e|copying|copyright|notice|unlicense|authors)(?!.*\.(rs|yml|toml|py)$)", re.I)
+LICENCE_FOLDER = re.compile(r"\.?licen[cs]es?$", re.I)
+# Words of the texts of licences.
+WORDS = {
+    "Apache-2.0": "Apache License",
+    "BSD-2-Clause": "Redistribution and use",
+    "BSD-3-Clause": "Redistribution and use",
+    "BSL-1.0": "Boost Software License",
+    "ISC": "Permission to use, copy, modify, and",
+    "MIT": "Permission is hereby granted, free of charge",
+    "MPL-2.0": "Mozilla Public License",
+    "Unicode-3.0": "UNICODE LICENSE",
+    "Zlib": "This software is provided",
+}
 # Folders of a crate that are not linked.
 NOT_LINKED = {".github", "benches", "contrib", "examples", "programs", "samples", "tests"}
 RULE = "=" * 80
@@ -44,13 +57,28 @@ def expression(crate):
 
 
 def texts(crate):
-    """The licence files of a crate, and of what it bundles."""
+    """The licence files of a crate, and of what it bundles; not those of licences that are not chosen."""
     folder = Path(crate["manifest_path"]).parent
     for path, folders, files in os.walk(folder):
         folders[:] = sorted(set(folders) - NOT_LINKED)
         for name in sorted(files):
-            if LICENCE_FILE.match(name):
-                yield Path(path, name).read_text(encoding="utf-8", errors="replace").strip()
+            if LICENCE_FILE.match(name) or LICENCE_FOLDER.match(Path(path).name):
+                text = Path(path, name).read_text(encoding="utf-8", errors="replace").strip()
+                if "GPL" in expression(crate) or "GNU GENERAL PUBLIC LICENSE" not in text:
+                    yield text
+
+
+def missing(crate, own, standard):
+    """A text for each licence that applies, of which the crate has none: any of alternatives may be chosen."""
+    for part in expression(crate).split(" AND "):
+        names = sorted(re.findall(r"[\w.+-]+", part), key=lambda name: name not in ("MIT", "Apache-2.0"))
+        words = [WORDS[name] for name in names if name in WORDS]
+        if own and (not words or any(word.lower() in " ".join(text.split()).lower() for word in words for text in own)):
+            continue
+        licence = next((name for name in names if name in standard), None)
+        if licence is None:
+            sys.exit(f"{crate['name']}: no text of its licence, {part!r}: add a crate or a file that has one")
+        yield licence, standard[licence].replace("<year> <copyright holders>", "the authors named in the list")
 
 
 def standard_texts(rust, crates, found):
@@ -74,16 +102,11 @@ def notices(root, crates, out):
         name, own = f"{crate['name']} {crate['version']}", found[crate["id"]]
         source = f"https://crates.io/crates/{crate['name']}/{crate['version']}"
         lines.append(f"{name}: {expression(crate)}; {source}")
-        if not own:
-            # Any of the licences may be chosen.
-            names = sorted(re.findall(r"[\w.+-]+", expression(crate)), key=lambda name: name not in ("MIT", "Apache-2.0"))
-            licence = next((name for name in names if name in standard), None)
-            if licence is None:
-                sys.exit(f"{name}: no text of its licence, {expression(crate)!r}: add a crate or a file that has one")
-            authors = ", ".join(crate["authors"]) or "its authors"
-            lines[-1] += f"; by {authors}; it comes without a text; {licence} is below"
-            own = [standard[licence]]
-        for text in own:
+        added = list(missing(crate, own, standard))
+        if added:
+            authors, names = ", ".join(crate["authors"]) or "its authors", " and ".join(name for name, _ in added)
+            lines[-1] += f"; by {authors}; it comes without the text of {names}, which is below"
+        for text in own + [text for _, text in added]:
             users.setdefault(" ".join(text.split()), (text, []))[1].append(name)
     page = html.unescape(re.sub(r"<[^>]*>", "", library.read_text(encoding="utf-8")))
     page = re.sub(r"\n\s*\n+", "\n\n", re.sub(r"[ \t]+", " ", page)).strip()
