@@ -14,8 +14,9 @@ import sys
 from pathlib import Path
 
 PACKAGES = ["svl", "svl-python", "svl-c"]
-LICENCE_FILE = re.compile(r"(licen[cs]e|copying|copyright|notice|unlicense|authors)(?!.*\.(rs|yml|toml|py)$)", re.I)
+LICENCE_FILE = re.compile(r"licen[cs]e|copying|copyright|notice|unlicense|authors", re.I)
 LICENCE_FOLDER = re.compile(r"\.?licen[cs]es?$", re.I)
+NO_TEXT = re.compile(r".*\.(rs|yml|toml|py)$", re.I)
 # Words of the texts of licences.
 WORDS = {
     "Apache-2.0": "Apache License",
@@ -62,7 +63,8 @@ def texts(crate):
     for path, folders, files in os.walk(folder):
         folders[:] = sorted(set(folders) - NOT_LINKED)
         for name in sorted(files):
-            if LICENCE_FILE.match(name) or LICENCE_FOLDER.match(Path(path).name):
+            is_named = LICENCE_FILE.match(name) or LICENCE_FOLDER.match(Path(path).name)
+            if is_named and not NO_TEXT.match(name):
                 text = Path(path, name).read_text(encoding="utf-8", errors="replace").strip()
                 if "GPL" in expression(crate) or "GNU GENERAL PUBLIC LICENSE" not in text:
                     yield text

@@ -280,5 +280,13 @@ mod tests {
         let mut twice = errors.clone();
         twice.merge(&errors);
         assert_eq!(twice.sums(DistanceRange::ALL).scored, 2400);
+        // Neither what one camera sees nor what is scored by disparities.
+        let tolerance_px = 2.0;
+        let by_disparity = TruePixels::new(&frame, &CellRule::Disparity { tolerance_px });
+        let mut visibility = Plane::filled(40, 30, Visibility::Occluded).unwrap();
+        visibility.set(7, 5, Visibility::Visible);
+        frame.truth.as_mut().unwrap().visibility = Some(visibility);
+        let seen = TruePixels::new(&frame, &CellRule::default());
+        assert_eq!((by_disparity.pixels.len(), seen.pixels.len()), (0, 1));
     }
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::value::RawValue;
 
 /// JSON's text of an image, which is not searched for characters to escape again.
-fn base64(image: &[u8]) -> serde_json::Result<Box<RawValue>> {
+fn quoted(image: &[u8]) -> serde_json::Result<Box<RawValue>> {
     RawValue::from_string(format!("\"{}\"", STANDARD.encode(image)))
 }
 
@@ -18,7 +18,7 @@ pub(crate) mod image {
     use super::*;
 
     pub fn serialize<S: Serializer>(image: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
-        base64(image)
+        quoted(image)
             .map_err(S::Error::custom)?
             .serialize(serializer)
     }
@@ -37,7 +37,7 @@ pub(crate) mod optional_image {
         image: &Option<Vec<u8>>,
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
-        let text = image.as_deref().map(base64).transpose();
+        let text = image.as_deref().map(quoted).transpose();
         text.map_err(S::Error::custom)?.serialize(serializer)
     }
 
