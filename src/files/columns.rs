@@ -1,7 +1,48 @@
-//! The columns of a table by their names.
+//! The columns of a table: their text, and their places by their names.
 
 use std::cell::Cell;
 use std::collections::HashMap;
+
+/// A value in a column of a row.
+#[derive(serde::Serialize)]
+#[serde(untagged)]
+pub enum ColumnValue<'a> {
+    Text(&'a str),
+    Whole(Option<u64>),
+    Real(Option<f64>),
+    Flag(Option<bool>),
+}
+
+/// Rows as the text of a CSV file.
+pub struct TableText(csv::Writer<Vec<u8>>);
+
+impl Default for TableText {
+    fn default() -> Self {
+        let mut builder = csv::WriterBuilder::new();
+        Self(builder.has_headers(false).from_writer(Vec::new()))
+    }
+}
+
+impl TableText {
+    /// Adds a row. The first is the names of the columns, whose number all others have.
+    ///
+    /// # Errors
+    /// The number of columns is another.
+    pub fn push(&mut self, row: &[ColumnValue<'_>]) -> csv::Result<()> {
+        self.0.serialize(row)
+    }
+
+    /// Number of bytes so far, but for the last few thousand.
+    pub fn bytes(&self) -> usize {
+        self.0.get_ref().len()
+    }
+
+    /// Takes the bytes since the last call.
+    pub fn take(&mut self) -> Vec<u8> {
+        let text = std::mem::take(self).0.into_inner();
+        text.expect("memory takes all")
+    }
+}
 
 /// The index of each column by name.
 #[derive(Clone, Debug)]

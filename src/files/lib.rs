@@ -23,7 +23,7 @@ mod rvl;
 
 pub use bit_depth::BitDepth;
 pub use cloud::{pixel_points, write_ply};
-pub use columns::ColumnPlaces;
+pub use columns::{ColumnPlaces, ColumnValue, TableText};
 pub use decoded::{DecodedImage, SideBySide};
 pub use depth::{known_depths, no_depth, read_depth, read_points};
 pub use disparity::{MapScale, read_disparities, read_disparity_steps};

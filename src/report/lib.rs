@@ -33,8 +33,7 @@ pub use crate::rows::columns::ColumnDescription;
 pub use crate::rows::csv_rows::{RowReader, read_rows};
 pub use crate::rows::held::{Row, RowRef, Rows};
 pub use crate::rows::records::{
-    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record,
-    RowError,
+    CellRow, CheckpointRow, CsvCells, FailureRow, FrameRow, MetricTotals, Record, RowError,
 };
 pub use crate::show::junit::{TestCase, TestResult, junit};
 pub use crate::show::words::shell_word;

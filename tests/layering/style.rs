@@ -68,18 +68,18 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 14239),
+    ("bench", 14260),
     ("c", 478),
     ("calibrate", 4988),
     ("cli", 11306),
     ("core", 19647),
-    ("files", 2552),
+    ("files", 2575),
     ("grab", 5139),
     ("live", 468),
     ("python", 394),
-    ("recording", 13987),
-    ("report", 16520),
-    ("score", 9565),
+    ("recording", 13989),
+    ("report", 16523),
+    ("score", 9578),
     ("sim", 3550),
     ("thesis", 2644),
     ("train", 3435),

@@ -342,26 +342,31 @@ fn a_pair_after_a_reset_is_the_pair_alone() {
 #[test]
 fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
     let mut model = V5Model::built_in();
-    model.near.slack = 100;
-    model.near.least_score = 500;
-    model.near_small = Some(model.near.clone());
-    model.near.least_score = 1500;
+    let mut table = model.near.clone();
+    table.slack = 100;
+    table.least_score = 500;
     let plain = V5Model {
         near_small: None,
         ..model.clone()
     };
-    let of_model = |model: &V5Model| {
+    let nearest = V5Model {
+        near: table.clone(),
+        ..plain.clone()
+    };
+    model.near_small = Some(table.clone());
+    let with_model = |mut model: V5Model, least_score| {
+        model.near.least_score = least_score;
         let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
         let file = Value::file("m", model.to_bytes());
         algorithm.with("model", &file).unwrap()
     };
-    let (algorithm, plain) = (of_model(&model), of_model(&plain));
-    let near = plain.with("target", &Value::Choice("near")).unwrap();
-    let table = model.near_small.as_ref().unwrap();
+    let (algorithm, plain) = (with_model(model, 1500), with_model(plain, 1500));
+    let near = with_model(nearest, 500);
+    let near = near.with("target", &Value::Choice("near")).unwrap();
     let rig = rig();
     let tolerance = Tolerance::new(CellRule::default(), Some(&rig), 0.25, 16 * 21);
     let confident = algorithm.with("confidence", &Value::Real(0.97)).unwrap();
-    let (mut shown, mut hidden, mut flags, mut doubtful) = (0, 0, 0, 0);
+    let (mut shown, mut hidden, mut flags, mut kept, mut doubtful) = (0, 0, 0, 0, 0);
     for run_pair in &run(&[None; 16]) {
         let nearest = cells(&mut *near.build().unwrap(), run_pair, Some(rig));
         let before = cells(&mut *plain.build().unwrap(), run_pair, Some(rig));
@@ -383,11 +388,15 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
                 .surface
                 .map(|surface| (surface.px.into(), surface.distance_m));
             assert_eq!(surface, expected);
-            let is_near = expected.is_some_and(|(_, z)| z < 0.5) && before.depth.is_none();
+            let is_near = match expected {
+                Some((_, z)) => z < 0.5 && before.depth.is_none(),
+                None => before.near.is_some(),
+            };
             assert_eq!(cell.near.is_some(), is_near);
             shown += usize::from(expected.is_some());
             hidden += usize::from(is_seen && !is_second);
-            flags += usize::from(is_near);
+            flags += usize::from(is_near && expected.is_some());
+            kept += usize::from(is_near && expected.is_none());
             // Nothing else changes.
             let rest = Cell {
                 surface: None,
@@ -409,8 +418,10 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
         );
     }
     assert!(
-        shown > 0 && hidden > 0 && flags > 0 && doubtful > 0,
-        "{shown} {hidden} {flags} {doubtful}"
+        [shown, hidden, flags, kept, doubtful]
+            .iter()
+            .all(|count| *count > 0),
+        "{shown} {hidden} {flags} {kept} {doubtful}"
     );
 }
 

@@ -13,8 +13,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use svl_core::{Error, Result, interrupt};
 use svl_files::outputs::remove_file;
 use svl_files::safe_name;
-use svl_report::CoursePlan;
 use svl_report::units::{BlockPictures, DriveFacts, ReportRun, UnitHeader, UnitRows, UnitWriter};
+use svl_report::{CoursePlan, Row};
 use svl_score::scenario::{Latency, Scenario, ScenarioSource};
 use svl_sim::stress::Stress;
 
@@ -135,7 +135,9 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let rig = config.rig.rectified()?;
     Matchers::new(&scenario.algorithms)?.warn_of_ranges(size, &rig, &scenario.judge());
     let mut manifest = plan.manifest(Pace::Asap)?;
-    manifest.times = Some("matching while other drives run".to_owned());
+    let jobs = plan.jobs(console);
+    let while_others = || "matching while other drives run".to_owned();
+    manifest.times = Some(jobs.map_or_else(while_others, |jobs| Pace::Jobs(jobs).times()));
     let levels: Vec<_> = plan.stresses().collect();
     let courses = 0..seeds.len();
     let runs = courses.flat_map(|course| levels.iter().map(move |stress| (course, *stress)));
@@ -169,12 +171,12 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         session: &session,
         folder: plan.folder,
         keep: plan.keep_drives,
+        is_timed: jobs.is_none(),
         bar: console.bar(&title, Unit::Drives, Some(todo.len() as u64)),
         frames: AtomicU64::new(0),
         is_over: AtomicBool::new(false),
     };
-    let jobs = plan.jobs(console).unwrap_or(cores);
-    let ran = work.drive_all(&todo, jobs);
+    let ran = work.drive_all(&todo, jobs.unwrap_or(cores));
     drop(work);
     (0..runs.len()).try_for_each(|i| session.reload(i))?;
     Ok(MeasuredUnits {
@@ -193,6 +195,7 @@ struct DriveWork<'a> {
     session: &'a EvaluationSession,
     folder: &'a Path,
     keep: bool,
+    is_timed: bool,
     bar: Box<dyn Bar>,
     frames: AtomicU64,
     is_over: AtomicBool,
@@ -289,8 +292,21 @@ impl DriveWork<'_> {
             drive: Some(DriveFacts { course }),
             ..UnitHeader::default()
         };
+        let untimed = |row| Row {
+            smoothing_us: None,
+            texture_us: None,
+            matching_us: None,
+            checks_us: None,
+            filters_us: None,
+            total_us: None,
+            ..row
+        };
+        let mut rows = result.rows;
+        if !self.is_timed {
+            rows = rows.into_iter().map(untimed).collect();
+        }
         writer.push(&UnitRows {
-            rows: result.rows,
+            rows,
             cells: result.cells,
             failures: result.failures,
             drives: result.drives,

@@ -376,6 +376,7 @@ impl EvaluationWork<'_> {
         let entered = files.enter();
         let start = PassStart {
             wanted: Some(wanted),
+            pairs: run.pairs(),
             ..PassStart::new(manifest, run.seed, &judge)
         };
         let title = self.title(&run, &judge);

@@ -108,6 +108,8 @@ pub struct PassStart<'a> {
     pub wanted: Option<&'a dyn Wanted>,
     /// Seed of the arena's pass.
     pub seed: Option<u64>,
+    /// Number of pairs of the pass, if that is known.
+    pub pairs: Option<u64>,
     pub judge: &'a Judge,
 }
 
@@ -118,6 +120,7 @@ impl<'a> PassStart<'a> {
             manifest,
             wanted: None,
             seed,
+            pairs: None,
             judge,
         }
     }

@@ -32,6 +32,8 @@ pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,
     cells: CellRule,
     piece: Option<TestPiece>,
+    /// Number of pairs of the run, or 0.
+    pairs: u64,
     /// Stamp of the first pair; absent if stamps are placeholders.
     start_ns: Option<u64>,
     /// True if the pairs are perturbed, so that none is shown.
@@ -207,6 +209,7 @@ impl BlockShots {
             checkpoints: start.judge.checkpoints.clone(),
             cells: start.judge.cells,
             piece: start.judge.piece(),
+            pairs: start.pairs.unwrap_or(0),
             start_ns: (!start.judge.run.is_untimed).then_some(start.judge.run.start_ns),
             is_perturbed: start.judge.run.stress.is_some(),
             ..Self::default()
@@ -303,7 +306,7 @@ impl BlockShots {
         } else {
             MAX_SCENES
         };
-        let stride = stride(place + 1, limit);
+        let stride = stride(self.pairs.max(place + 1), limit);
         if !place.is_multiple_of(stride) {
             return;
         }

@@ -194,9 +194,14 @@ impl PixelEncoding {
 /// The samples of `N` bytes in the rows.
 pub(crate) fn samples<'a, const N: usize, T>(
     rows: impl Iterator<Item = &'a [u8]>,
-    value: fn([u8; N]) -> T,
-) -> impl Iterator<Item = T> {
-    rows.flat_map(|row| row.as_chunks().0).copied().map(value)
+    value: impl Fn([u8; N]) -> T,
+) -> Vec<T> {
+    let mut samples = Vec::new();
+    for row in rows {
+        let bytes = row.as_chunks().0.iter();
+        samples.extend(bytes.map(|bytes| value(*bytes)));
+    }
+    samples
 }
 
 /// Reads a number of 16 bits in the byte order of an image.
@@ -217,16 +222,13 @@ pub(crate) fn floats(channel: &Channel, data: &[u8]) -> MessageResult<Plane<f32>
 pub(crate) fn values(raw: &RawPixels<'_>) -> MessageResult<Plane<f32>> {
     let encoding = named(raw.encoding).ok_or_else(|| why_no_depths(raw.encoding))?;
     let rows = encoding.rows(raw)?;
-    let depths: Vec<f32> = match (encoding.samples, raw.big_endian) {
-        (Grey16, _) => samples(rows, u16_of(raw)).map(metres).collect(),
-        (Float32, false) => samples(rows, f32::from_le_bytes).collect(),
-        (Float32, true) => samples(rows, f32::from_be_bytes).collect(),
-        (Float64, false) => samples(rows, f64::from_le_bytes)
-            .map(|z| z as f32)
-            .collect(),
-        (Float64, true) => samples(rows, f64::from_be_bytes)
-            .map(|z| z as f32)
-            .collect(),
+    let number = u16_of(raw);
+    let depths = match (encoding.samples, raw.big_endian) {
+        (Grey16, _) => samples(rows, |bytes| metres(number(bytes))),
+        (Float32, false) => samples(rows, f32::from_le_bytes),
+        (Float32, true) => samples(rows, f32::from_be_bytes),
+        (Float64, false) => samples(rows, |bytes| f64::from_le_bytes(bytes) as f32),
+        (Float64, true) => samples(rows, |bytes| f64::from_be_bytes(bytes) as f32),
         _ => return Err(why_no_depths(raw.encoding)),
     };
     let (width, height) = (raw.width as usize, raw.height as usize);

@@ -37,7 +37,7 @@ pub(crate) fn decode(raw: &RawPixels<'_>) -> MessageResult<MessageImage> {
         // Row by row: most images are of these.
         Samples::Grey8(1, _) | Samples::Bayer8(_) => grey8(rows.collect::<Vec<_>>().concat()),
         Samples::Grey8(bytes, at) => grey8(every_byte(rows, bytes, at)),
-        Samples::Grey16 | Samples::Bayer16(_) => grey16(samples(rows, u16_of(raw)).collect()),
+        Samples::Grey16 | Samples::Bayer16(_) => grey16(samples(rows, u16_of(raw))),
         Samples::Color8(bytes, rgb) => {
             let pixels = rows.flat_map(|row| row.chunks_exact(bytes));
             let pixels: Vec<u8> = pixels.flat_map(|pixel| rgb.map(|at| pixel[at])).collect();

@@ -37,7 +37,7 @@ impl Results {
             section(&table.title, &table);
         }
         let mut facts = Vec::new();
-        let times = self.basis.times.iter();
+        let times = self.times.iter();
         facts.extend(times.map(|times| format!("times: {times}")));
         let programs = self.programs.iter();
         facts.extend(programs.map(|p| format!("program: {}: {}", p.algorithm, p.program.words())));

@@ -41,6 +41,9 @@ pub struct Results {
     pub pairs_hash: Option<String>,
     /// Origins of the truths: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
     pub truth: Vec<String>,
+    /// The work that the times measure, or why there are none, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub times: Option<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
     /// The prior and the exact distances, where cells are scored by distances.
@@ -159,8 +162,6 @@ pub(crate) struct ResultBasis {
     pub(crate) own: Vec<AlgorithmSummary>,
     /// The algorithms that report the truth itself.
     pub(crate) perfect: Vec<String>,
-    /// The work that the times measure, if that is known.
-    pub(crate) times: Option<String>,
     /// The profile of svl's build, if its times are not those of svl.
     pub(crate) slow_profile: Option<String>,
     /// The part of the pairs that see a test piece, by its distance.
@@ -551,7 +552,7 @@ impl Results {
 
     /// Adds what only the manifest has.
     fn add_manifest(&mut self, manifest: &Manifest) {
-        self.basis.times.clone_from(&manifest.times);
+        self.times.clone_from(&manifest.times);
         self.warnings.clone_from(&manifest.warnings);
         self.basis.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {

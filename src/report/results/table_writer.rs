@@ -2,7 +2,7 @@
 
 use super::summary::Results;
 use crate::rows::columns::ColumnDescription;
-use crate::rows::csv_rows::{csv_error, row_writer};
+use crate::rows::csv_rows::{csv_error, table_text};
 use crate::rows::records::Record;
 use parking_lot::Mutex;
 use polars::prelude::{
@@ -15,6 +15,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result};
+use svl_files::TableText;
 
 /// One table, written as CSV, as Parquet or as both. Files of the same name are replaced.
 pub struct TableWriter<R> {
@@ -24,7 +25,8 @@ pub struct TableWriter<R> {
 
 struct Csv {
     path: PathBuf,
-    writer: csv::Writer<File>,
+    file: File,
+    text: TableText,
 }
 
 /// Written in groups of rows, so that memory has a limit; without its footer the file cannot be
@@ -37,6 +39,9 @@ struct Parquet<R> {
     /// Rows of the group that is not written yet.
     rows: Vec<R>,
 }
+
+/// Limit on the bytes of CSV that wait in memory.
+const MAX_TEXT: usize = 1 << 16;
 
 /// Number of rows that are written at once: they and their columns wait in memory.
 const ROW_GROUP: usize = 1 << 14;
@@ -87,9 +92,7 @@ impl<R: Record> TableWriter<R> {
     pub fn push(&mut self, rows: impl IntoIterator<Item = R>) -> Result<()> {
         for row in rows {
             if let Some(csv) = &mut self.csv {
-                csv.writer
-                    .serialize(row.values())
-                    .map_err(|e| csv_error(&csv.path, e))?;
+                csv.push(&row)?;
             }
             if let Some(parquet) = &mut self.parquet {
                 parquet.push(row)?;
@@ -97,7 +100,7 @@ impl<R: Record> TableWriter<R> {
         }
         match &mut self.csv {
             // Flushed per call: a killed run leaves complete rows.
-            Some(csv) => csv.writer.flush().map_err(|e| Error::io(&csv.path, e)),
+            Some(csv) => csv.flush(),
             None => Ok(()),
         }
     }
@@ -114,12 +117,27 @@ impl<R: Record> TableWriter<R> {
 impl Csv {
     fn create<R: Record>(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| Error::io(path, e))?;
-        let mut writer = row_writer::<R, _>(file).map_err(|e| csv_error(path, e))?;
-        writer.flush().map_err(|e| Error::io(path, e))?;
-        Ok(Self {
+        let mut csv = Self {
             path: path.to_owned(),
-            writer,
-        })
+            file,
+            text: table_text::<R>().map_err(|e| csv_error(path, e))?,
+        };
+        csv.flush()?;
+        Ok(csv)
+    }
+
+    fn push(&mut self, row: &impl Record) -> Result<()> {
+        let pushed = self.text.push(&row.values());
+        pushed.map_err(|e| csv_error(&self.path, e))?;
+        match self.text.bytes() {
+            0..MAX_TEXT => Ok(()),
+            _ => self.flush(),
+        }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        let written = self.file.write_all(&self.text.take());
+        written.map_err(|e| Error::io(&self.path, e))
     }
 }
 

@@ -2,10 +2,10 @@
 
 use super::records::{CsvCells, Record};
 use std::fs::File;
-use std::io::{Cursor, Read, Write};
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_files::ColumnPlaces;
+use svl_files::{ColumnPlaces, ColumnValue, TableText};
 
 /// The rows of a CSV file that [`TableWriter`](crate::TableWriter) wrote, read one after the other.
 pub struct RowReader<R> {
@@ -95,24 +95,21 @@ pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     RowReader::open(path)?.collect()
 }
 
-/// A writer of rows, behind the names of their columns.
-pub(crate) fn row_writer<R: Record, W: Write>(file: W) -> csv::Result<csv::Writer<W>> {
-    let mut builder = csv::WriterBuilder::new();
-    // The header is written from the columns, also when no row ever comes.
-    let mut writer = builder.has_headers(false).from_writer(file);
-    writer.write_record(R::columns().iter().map(|column| column.name))?;
-    Ok(writer)
+/// A text of rows with the names of their columns.
+pub(crate) fn table_text<R: Record>() -> csv::Result<TableText> {
+    let mut text = TableText::default();
+    let columns = R::columns();
+    let names = columns.iter().map(|column| ColumnValue::Text(column.name));
+    text.push(&names.collect::<Vec<_>>())?;
+    Ok(text)
 }
 
 /// Rows as the text of a CSV file.
 pub(crate) fn rows_to_text<R: Record>(rows: &[R]) -> csv::Result<String> {
-    let mut writer = row_writer::<R, _>(Vec::new())?;
+    let mut text = table_text::<R>()?;
     let mut rows = rows.iter();
-    rows.try_for_each(|row| writer.serialize(row.values()))?;
-    let bytes = writer
-        .into_inner()
-        .map_err(csv::IntoInnerError::into_error)?;
-    String::from_utf8(bytes).map_err(|e| std::io::Error::other(e).into())
+    rows.try_for_each(|row| text.push(&row.values()))?;
+    String::from_utf8(text.take()).map_err(|e| std::io::Error::other(e).into())
 }
 
 /// The rows of such a text.

@@ -12,7 +12,7 @@ use std::str::FromStr;
 use std::sync::LazyLock;
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{CellDepth, CellRule, CellState};
-use svl_files::ColumnPlaces;
+use svl_files::{ColumnPlaces, ColumnValue};
 use svl_score::judge::{
     AreaChoice, Cases, CellArea, METRICS, Measured, Metric, MetricOrigin, MetricSource,
     MetricTotal, MetricUnit, MetricValues, Verdict,
@@ -48,16 +48,6 @@ pub enum RowError {
     /// The text, and its column.
     #[error("'{0}' in column '{1}' cannot be read")]
     Value(String, String),
-}
-
-/// A value in a column of a row.
-#[derive(serde::Serialize)]
-#[serde(untagged)]
-pub enum ColumnValue<'a> {
-    Text(&'a str),
-    Whole(Option<u64>),
-    Real(Option<f64>),
-    Flag(Option<bool>),
 }
 
 /// A line of a CSV file.
@@ -98,7 +88,7 @@ macro_rules! record {
                 columns
             }
 
-            fn values(&self) -> Vec<$crate::rows::records::ColumnValue<'_>> {
+            fn values(&self) -> Vec<svl_files::ColumnValue<'_>> {
                 let mut values = Vec::new();
                 $($crate::rows::records::RowField::values(&self.$field, &mut values);)*
                 values

@@ -6,7 +6,7 @@
 use super::facts::PairFacts;
 use super::io::{json, open, write_whole};
 use super::pictures::BlockPictures;
-use crate::rows::csv_rows::{RowReader, csv_error, row_writer};
+use crate::rows::csv_rows::{RowReader, csv_error, table_text};
 use crate::rows::held::Row;
 use crate::rows::records::{CellRow, FailureRow, FrameRow, Record};
 use crate::subjects::drives::{CoursePlan, DriveRow, TrackRow};
@@ -20,6 +20,7 @@ use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::TruthOrigin;
 use svl_core::{Error, Result};
+use svl_files::TableText;
 use svl_score::manifest::{hash, hash_bytes, hash_reader};
 use svl_score::pixel_errors::PixelErrors;
 use svl_score::plausibility::AlgorithmScale;
@@ -58,23 +59,21 @@ const PICTURES: &str = "pictures";
 const PIXEL_ERRORS: &str = "pixel_errors";
 
 /// The form of the files; a change of [`BlockPictures`] or of a header changes it.
-const FORM: &str = "units with checksums, pictures with truth, errors of pixels, pairs";
+const FORM: &str = "units with checksums, pictures with truth, errors of pixels by size, pairs";
 
 /// Most bytes of the checksum and of the header.
 const MAX_LINE: u64 = 1 << 24;
 
-/// The text of a table, once it has a row.
-type TableText = Option<csv::Writer<Vec<u8>>>;
-
-fn push_rows<R: Record>(text: &mut TableText, rows: &[R]) -> csv::Result<()> {
-    if text.is_none() && !rows.is_empty() {
-        *text = Some(row_writer::<R, _>(Vec::new())?);
+/// Adds rows to the text of their table, which begins with the first.
+fn push_rows<R: Record>(text: &mut Option<TableText>, rows: &[R]) -> csv::Result<()> {
+    for row in rows {
+        if text.is_none() {
+            *text = Some(table_text::<R>()?);
+        }
+        text.iter_mut()
+            .try_for_each(|text| text.push(&row.values()))?;
     }
-    let mut writer = text.iter_mut();
-    writer.try_for_each(|writer| {
-        rows.iter()
-            .try_for_each(|row| writer.serialize(row.values()))
-    })
+    Ok(())
 }
 
 /// A row of a unit.
@@ -134,7 +133,7 @@ macro_rules! unit_tables {
 
         #[derive(Default)]
         struct UnitTexts {
-            $($table: TableText,)*
+            $($table: Option<TableText>,)*
         }
 
         impl UnitTexts {
@@ -145,9 +144,8 @@ macro_rules! unit_tables {
 
             fn into_parts(self) -> Vec<(String, Vec<u8>)> {
                 let parts = [$((stringify!($table), self.$table)),*];
-                let part = |(name, text): (&str, TableText)| {
-                    let bytes = text?.into_inner().expect("memory takes all");
-                    Some((name.to_owned(), bytes))
+                let part = |(name, text): (&str, Option<TableText>)| {
+                    Some((name.to_owned(), text?.take()))
                 };
                 parts.into_iter().filter_map(part).collect()
             }

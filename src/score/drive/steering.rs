@@ -6,8 +6,9 @@
 //! goal? The rule knows only the cells, now and a few seconds ago, and its position at that time
 //! from odometry; the goal is a direction.
 //!
-//! 1. A cell nearer than the lookahead is an obstacle as wide as its column. It is remembered,
-//!    until it is too old, or a cell sees through it.
+//! 1. A cell nearer than the lookahead is an obstacle as wide as its column, a nearer surface by
+//!    the margin less on each side. It is remembered, until it is too old, or a cell sees through
+//!    it.
 //! 2. The arc with the best sum of free distance and direction is taken, slower where it is free
 //!    for less.
 //! 3. Where no arc is free for `stop_m`, the robot turns on the spot, to the side that is free
@@ -114,14 +115,19 @@ impl Steering {
         obstacles: &mut Vec<GroundPoint>,
     ) {
         let rule = &self.config.steering;
+        let surface_m = cell.surface.map(|surface| surface.distance_m);
         let points = |distance_m: f64| {
+            // A surface is a part of its cell: the margin covers the rest of a narrow column.
+            let is_part = surface_m == Some(distance_m);
+            let margin_m = if is_part { rule.margin_m } else { 0.0 };
+            let part = (margin_m / distance_m).min((column.right - column.left) / 2.0);
+            let (left, right) = (column.left + part, column.right - part);
             (0..POINTS).map(move |i| {
                 let share = f64::from(i) / f64::from(POINTS - 1);
-                let slope = column.left + share * (column.right - column.left);
+                let slope = left + share * (right - left);
                 robot.to_world(distance_m, -slope * distance_m)
             })
         };
-        let surface_m = cell.surface.map(|surface| surface.distance_m);
         let known_m = known_m.map(|known_m| surface_m.map_or(known_m, |z| z.min(known_m)));
         let state = match cell.state() {
             // The surface flags it.
@@ -448,6 +454,22 @@ mod tests {
         assert_eq!(speed(&config, &unknown), speed(&config, &grid([0.0; 5])));
         config.steering.near = Some(CellStandsFor::Obstacle);
         assert_eq!(speed(&config, &unknown), 0.0);
+        // A narrow robot passes between two posts 16 cm apart, not two walls as wide as their
+        // columns.
+        (config.radius_m, config.steering.margin_m) = (0.02, 0.04);
+        let mut posts = surfaced([3.0; 5], 0.4);
+        let between = posts
+            .cells_mut()
+            .enumerate()
+            .filter(|(i, _)| i % 5 % 2 == 0);
+        between.for_each(|(_, cell)| cell.surface = None);
+        let is_straight = |grid: &DepthGrid| {
+            let mut steering = Steering::new(&config);
+            let command = steering.decide(grid, (&rig, 320), [&robot, &robot], 0.0);
+            command.turn_rad_per_s == 0.0
+        };
+        assert!(is_straight(&posts));
+        assert!(!is_straight(&grid([3.0, 0.4, 3.0, 0.4, 3.0])));
     }
 
     #[test]

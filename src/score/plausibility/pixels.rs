@@ -172,7 +172,20 @@ impl Places<'_> {
 
     fn count(&self, disparity: &Plane<f32>) -> Counts {
         let (mut counts, infinite_px) = (Counts::default(), self.infinite_px());
-        for d in disparity.pixels().filter(|d| d.is_finite()) {
+        let known = || disparity.pixels().filter(|d| d.is_finite());
+        // A place is a range of disparities, but for zeros without a rig: if both ends are
+        // possible, all are.
+        let ends = known().fold([f32::INFINITY, f32::NEG_INFINITY], |[least, most], d| {
+            [least.min(d), most.max(d)]
+        });
+        let has_ranges = self.rig.is_some() || ends[0] > 0.0;
+        if has_ranges && ends.map(|d| self.place(d.into())) == [Place::Possible; 2] {
+            counts.known = known().count() as u64;
+            let farthest_px = (f64::from(ends[0]) - infinite_px).abs();
+            counts.farthest_px = (counts.known > 0).then_some(farthest_px);
+            return counts;
+        }
+        for d in known() {
             let d = f64::from(d);
             match self.place(d) {
                 Place::Infinite => {

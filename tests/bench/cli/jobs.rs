@@ -34,7 +34,9 @@ fn a_report_by_jobs_is_that_of_one_thread() {
     let times = fixture.column("by-2/rows.csv", "total_us");
     assert!(times.iter().all(String::is_empty), "{times:?}");
     let words = "not measured with --jobs";
-    assert_eq!(fixture.json_file("by-2/manifest.json")["times"], words);
+    for file in ["manifest.json", "summary.json"] {
+        assert_eq!(fixture.json_file(&format!("by-2/{file}"))["times"], words);
+    }
     for file in ["index.html", "summary.md"] {
         assert_says(&fixture.text(&format!("by-2/{file}")), &[words]);
     }
@@ -71,6 +73,8 @@ fn programs_maps_and_drives_are_those_without_jobs() {
             fixture.run(&format!("{line}{jobs} --force -o {report}"));
         }
         assert_same_report(&fixture, ["plain", "jobs"], line);
+        let times = fixture.column("jobs/rows.csv", "total_us");
+        assert!(times.iter().all(String::is_empty), "{line}: {times:?}");
     }
 }
 

@@ -219,13 +219,10 @@ impl Deciding<'_> {
         // The pixels are those of the coarsest level, which sees nearest; small cells have one.
         cell.surface = self.surface(pixels, &cell);
         if cell.depth.is_none() {
-            cell.near = match &self.choice.near_small {
-                Some(_) if self.is_small => {
-                    let is_near = |surface: &NearSurface| surface.distance_m < self.near_m.0;
-                    let near = cell.surface.filter(is_near);
-                    near.map(|surface| surface.probability)
-                }
-                _ => self.near(pixels),
+            let is_near = |surface: &NearSurface| surface.distance_m < self.near_m.0;
+            cell.near = match &cell.surface {
+                Some(surface) => is_near(surface).then_some(surface.probability),
+                None => self.near(pixels),
             };
         }
         cell
