@@ -24,15 +24,15 @@ impl Default for TableText {
 }
 
 impl TableText {
-    /// Adds a row. The first is the names of the columns, whose number all others have.
+    /// Adds a row, the names of the columns before all others.
     ///
     /// # Errors
-    /// The number of columns is another.
+    /// It has another number of columns than the first since the last [`TableText::take`].
     pub fn push(&mut self, row: &[ColumnValue<'_>]) -> csv::Result<()> {
         self.0.serialize(row)
     }
 
-    /// Number of bytes so far, but for the last few thousand.
+    /// Number of bytes that can be taken, but for the last few thousand.
     pub fn bytes(&self) -> usize {
         self.0.get_ref().len()
     }

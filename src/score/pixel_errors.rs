@@ -21,7 +21,7 @@ static ENDS_M: LazyLock<Vec<f64>> = LazyLock::new(|| {
 /// Bits of a single-precision number by which sizes of errors are not told apart: 8 sizes per
 /// factor of two.
 const SIZE_BITS: u32 = 20;
-/// The bits of 1/1024 m: smaller errors are of one size.
+/// The other bits of 1/1024 m: smaller errors are of one size.
 const MIN_SIZE: u32 = (1.0 / 1024.0_f32).to_bits() >> SIZE_BITS;
 
 /// The number of the narrow range of a distance, in their order.
@@ -138,10 +138,7 @@ impl PixelErrors {
                 sums.errors_m += error_m;
                 sums.squares_m2 += error_m * error_m;
                 sums.relative += error_m.abs() / pixel.true_m;
-                let size = (error_m.abs() as f32).to_bits() >> SIZE_BITS;
-                let size = (size + 1).saturating_sub(MIN_SIZE) as usize;
-                sums.extend_to(size + 1);
-                sums.sizes[size] += 1;
+                sums.add_size(error_m.abs());
             }
         }
     }
@@ -204,6 +201,13 @@ impl RangePixels {
         }
     }
 
+    fn add_size(&mut self, error_m: f64) {
+        let size = (error_m as f32).to_bits() >> SIZE_BITS;
+        let size = (size + 1).saturating_sub(MIN_SIZE) as usize;
+        self.extend_to(size + 1);
+        self.sizes[size] += 1;
+    }
+
     /// Makes it have at least that number of sizes.
     fn extend_to(&mut self, sizes: usize) {
         self.sizes.resize(self.sizes.len().max(sizes), 0);
@@ -233,6 +237,25 @@ mod tests {
     use super::*;
     use svl_core::depth::{self, GridSettings};
     use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
+
+    #[test]
+    fn sizes_are_told_apart_to_a_twentieth() {
+        for error_m in [0.001, 0.03, 0.3, 0.5, 4.0, 90_000.0] {
+            let mut sums = RangePixels::default();
+            [0.0, error_m, 1e9].iter().for_each(|m| sums.add_size(*m));
+            let median_m = sums.median_m().unwrap();
+            assert!(
+                (median_m / error_m - 1.0).abs() < 0.07,
+                "{error_m}: {median_m}"
+            );
+            let again = serde_json::to_string(&sums).unwrap();
+            assert_eq!(serde_json::from_str::<RangePixels>(&again).unwrap(), sums);
+        }
+        let mut sums = RangePixels::default();
+        assert_eq!(sums.median_m(), None);
+        sums.add_size(0.0009);
+        assert_eq!(sums.median_m(), Some(0.0));
+    }
 
     #[test]
     fn sums_are_those_of_the_pixels_of_a_range() {

@@ -68,7 +68,7 @@ fn lines_are_no_longer_than_100_columns() {
 /// Limit on the lines of code of each folder below `src`, without tests: a change that raises one
 /// says in its message what is worth the lines.
 const LINES: [(&str, usize); 16] = [
-    ("bench", 14260),
+    ("bench", 14266),
     ("c", 478),
     ("calibrate", 4988),
     ("cli", 11306),
@@ -79,7 +79,7 @@ const LINES: [(&str, usize); 16] = [
     ("python", 394),
     ("recording", 13989),
     ("report", 16523),
-    ("score", 9578),
+    ("score", 9579),
     ("sim", 3550),
     ("thesis", 2644),
     ("train", 3435),

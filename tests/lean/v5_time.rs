@@ -393,6 +393,9 @@ fn the_nearer_surface_of_a_small_cell_is_that_of_the_second_table() {
                 None => before.near.is_some(),
             };
             assert_eq!(cell.near.is_some(), is_near);
+            if expected.is_none() {
+                assert_eq!(cell.near, before.near);
+            }
             shown += usize::from(expected.is_some());
             hidden += usize::from(is_seen && !is_second);
             flags += usize::from(is_near && expected.is_some());

@@ -272,7 +272,7 @@ impl DriveWork<'_> {
         }
     }
 
-    fn write(&self, unit: DriveUnit, result: DriveResult, course: CoursePlan) -> Result<()> {
+    fn write(&self, unit: DriveUnit, mut result: DriveResult, course: CoursePlan) -> Result<()> {
         let label = self.scenario.algorithms[unit.algorithm].label();
         let (session, run) = (self.session, &self.session.runs[unit.run].run);
         let mut algorithms = session.list.algorithms_of(run).into_iter();
@@ -292,21 +292,18 @@ impl DriveWork<'_> {
             drive: Some(DriveFacts { course }),
             ..UnitHeader::default()
         };
-        let untimed = |row| Row {
-            smoothing_us: None,
-            texture_us: None,
-            matching_us: None,
-            checks_us: None,
-            filters_us: None,
-            total_us: None,
-            ..row
-        };
-        let mut rows = result.rows;
         if !self.is_timed {
-            rows = rows.into_iter().map(untimed).collect();
+            let pictured = result.worst.iter_mut();
+            let pictured = pictured.flat_map(|(_, figure)| &mut figure.shots);
+            let pictured = pictured.map(|(_, shot)| &mut shot.row);
+            result
+                .rows
+                .iter_mut()
+                .chain(pictured)
+                .for_each(remove_times);
         }
         writer.push(&UnitRows {
-            rows,
+            rows: result.rows,
             cells: result.cells,
             failures: result.failures,
             drives: result.drives,
@@ -319,6 +316,15 @@ impl DriveWork<'_> {
         });
         writer.write(&path, pictures.as_ref())
     }
+}
+
+fn remove_times(row: &mut Row) {
+    row.smoothing_us = None;
+    row.texture_us = None;
+    row.matching_us = None;
+    row.checks_us = None;
+    row.filters_us = None;
+    row.total_us = None;
 }
 
 /// Watches one of the drives.

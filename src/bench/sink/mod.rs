@@ -108,7 +108,7 @@ pub struct PassStart<'a> {
     pub wanted: Option<&'a dyn Wanted>,
     /// Seed of the arena's pass.
     pub seed: Option<u64>,
-    /// Number of pairs of the pass, if that is known.
+    /// Number of pairs of the pass, or more, if that is known and asked for.
     pub pairs: Option<u64>,
     pub judge: &'a Judge,
 }

@@ -32,7 +32,7 @@ pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,
     cells: CellRule,
     piece: Option<TestPiece>,
-    /// Number of pairs of the run, or 0.
+    /// Number of pairs of the run, or more; 0 if unknown.
     pairs: u64,
     /// Stamp of the first pair; absent if stamps are placeholders.
     start_ns: Option<u64>,
@@ -306,7 +306,9 @@ impl BlockShots {
         } else {
             MAX_SCENES
         };
-        let stride = stride(self.pairs.max(place + 1), limit);
+        // The run may end earlier: each block has at least as many as it needs then.
+        let stride_now = stride(place + 1, limit);
+        let stride = stride(self.pairs, limit).min(BLOCK).max(stride_now);
         if !place.is_multiple_of(stride) {
             return;
         }

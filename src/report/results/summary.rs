@@ -41,7 +41,7 @@ pub struct Results {
     pub pairs_hash: Option<String>,
     /// Origins of the truths: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
     pub truth: Vec<String>,
-    /// The work that the times measure, or why there are none, if that is known.
+    /// The work that the times of the last session measure, or why it has none, if that is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub times: Option<String>,
     /// In the order in which they first appear in the rows.

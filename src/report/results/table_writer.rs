@@ -40,7 +40,7 @@ struct Parquet<R> {
     rows: Vec<R>,
 }
 
-/// Limit on the bytes of CSV that wait in memory.
+/// Limit on the bytes of CSV that wait in memory, but for a few thousand.
 const MAX_TEXT: usize = 1 << 16;
 
 /// Number of rows that are written at once: they and their columns wait in memory.

@@ -59,7 +59,7 @@ record! {
         bias_m: Option<f64>,
         /// Root of the mean squared error.
         rmse_m: Option<f64>,
-        /// Median absolute error, by nearest rank; of pixels to a twentieth.
+        /// Median absolute error, by nearest rank; of pixels to a twentieth, 0 below 1 mm.
         median_error_m: Option<f64>,
         /// Mean of the absolute error over the true distance, a fraction.
         abs_rel: Option<f64>,

@@ -6,9 +6,9 @@
 //! goal? The rule knows only the cells, now and a few seconds ago, and its position at that time
 //! from odometry; the goal is a direction.
 //!
-//! 1. A cell nearer than the lookahead is an obstacle as wide as its column, a nearer surface by
-//!    the margin less on each side. It is remembered, until it is too old, or a cell sees through
-//!    it.
+//! 1. A cell nearer than the lookahead is an obstacle as wide as its column; a nearer surface is
+//!    narrower than that by the margin on each side. It is remembered, until it is too old, or a
+//!    cell sees through it.
 //! 2. The arc with the best sum of free distance and direction is taken, slower where it is free
 //!    for less.
 //! 3. Where no arc is free for `stop_m`, the robot turns on the spot, to the side that is free
@@ -117,7 +117,7 @@ impl Steering {
         let rule = &self.config.steering;
         let surface_m = cell.surface.map(|surface| surface.distance_m);
         let points = |distance_m: f64| {
-            // A surface is a part of its cell: the margin covers the rest of a narrow column.
+            // A surface is a part of its cell: the margin covers some of the rest.
             let is_part = surface_m == Some(distance_m);
             let margin_m = if is_part { rule.margin_m } else { 0.0 };
             let part = (margin_m / distance_m).min((column.right - column.left) / 2.0);

@@ -181,8 +181,6 @@ impl Places<'_> {
         let has_ranges = self.rig.is_some() || ends[0] > 0.0;
         if has_ranges && ends.map(|d| self.place(d.into())) == [Place::Possible; 2] {
             counts.known = known().count() as u64;
-            let farthest_px = (f64::from(ends[0]) - infinite_px).abs();
-            counts.farthest_px = (counts.known > 0).then_some(farthest_px);
             return counts;
         }
         for d in known() {

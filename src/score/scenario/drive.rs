@@ -52,7 +52,8 @@ pub struct SteeringRule {
     pub near_m: f64,
     /// Length of the paths that are checked.
     pub lookahead_m: f64,
-    /// Distance kept from obstacles in addition to the radius.
+    /// Distance kept from obstacles in addition to the radius; of nearer surfaces, in narrow
+    /// columns, from their middle.
     pub margin_m: f64,
     /// The robot stops if its path is free for less than this,
     pub stop_m: f64,

@@ -219,9 +219,10 @@ impl Deciding<'_> {
         // The pixels are those of the coarsest level, which sees nearest; small cells have one.
         cell.surface = self.surface(pixels, &cell);
         if cell.depth.is_none() {
-            let is_near = |surface: &NearSurface| surface.distance_m < self.near_m.0;
             cell.near = match &cell.surface {
-                Some(surface) => is_near(surface).then_some(surface.probability),
+                Some(surface) => {
+                    (surface.distance_m < self.near_m.0).then_some(surface.probability)
+                }
                 None => self.near(pixels),
             };
         }
