@@ -81,7 +81,7 @@ impl TruePixels {
         };
         let places = sampled_places(truth.disparity.size(), PIXELS).filter(is_seen);
         let mut pixels = Vec::new();
-        // Much faster than to collect them.
+        // Faster than to collect them.
         places.for_each(|place| pixels.extend(pixel(place)));
         Self {
             rig: Some(*rig),

@@ -78,7 +78,7 @@ const LINES: [(&str, usize); 16] = [
     ("live", 468),
     ("python", 394),
     ("recording", 13989),
-    ("report", 16523),
+    ("report", 16527),
     ("score", 9579),
     ("sim", 3550),
     ("thesis", 2644),

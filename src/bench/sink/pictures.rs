@@ -9,7 +9,7 @@ use svl_core::stereo::{CellRule, Frame, Plane, Truth};
 use svl_files as files;
 use svl_files::overlay::{self, Mark, NO_DISPARITY, Nearness, Picture, errors};
 use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
-use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
+use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride_so_far};
 use svl_report::units::{
     BLOCK, Badness, BlockPictures, CheckpointShot, WorstFrame, WorstFrames, WorstPicture,
 };
@@ -306,9 +306,7 @@ impl BlockShots {
         } else {
             MAX_SCENES
         };
-        // The run may end earlier: each block has at least as many as it needs then.
-        let stride_now = stride(place + 1, limit);
-        let stride = stride(self.pairs, limit).min(BLOCK).max(stride_now);
+        let stride = stride_so_far(self.pairs, place, limit);
         if !place.is_multiple_of(stride) {
             return;
         }

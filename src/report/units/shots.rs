@@ -1,7 +1,7 @@
 //! The pictures of a report, chosen from those of its units.
 
 use super::pictures::{BlockPictures, CheckpointShot};
-use super::plan::ReportPlan;
+use super::plan::{BLOCK, ReportPlan};
 use super::run_units::RunUnits;
 use super::store::Units;
 use super::unit::StoredUnit;
@@ -26,6 +26,13 @@ pub fn stride(frames: u64, limit: u64) -> u64 {
         stride *= 2;
     }
     stride
+}
+
+/// The stride of the frames to keep up to a place in a run of so many pairs, or fewer: it is at
+/// most a block, so that a run which ends early has frames.
+pub fn stride_so_far(pairs: u64, place: u64, limit: u64) -> u64 {
+    let least = stride(pairs, limit).min(BLOCK);
+    least.max(stride(place + 1, limit))
 }
 
 /// The figures of checkpoints, or of frames spread over recordings, and the scenes of data sets.
@@ -359,6 +366,24 @@ mod tests {
     fn frames_are_halved_until_few_are_left() {
         for (frames, expected) in [(0, 1), (12, 1), (13, 2), (24, 2), (25, 4), (10_000, 1024)] {
             assert_eq!(stride(frames, MAX_SAMPLES), expected, "{frames}");
+        }
+    }
+
+    #[test]
+    fn the_frames_that_are_kept_are_those_that_are_shown() {
+        assert_eq!(stride_so_far(280, 0, MAX_SAMPLES), 32);
+        for pairs in [0, 30, 97, 280, 640, 10_000] {
+            // All of a run, or one that ended early or of unknown length, of which the first frames
+            // of blocks are certain.
+            for frames in [1, 30, 97, 280, 640, 10_000] {
+                let shown = (0..frames).step_by(stride(frames, MAX_SAMPLES) as usize);
+                let is_certain =
+                    |place: &u64| pairs == 0 || pairs == frames || place.is_multiple_of(BLOCK);
+                for place in shown.filter(is_certain) {
+                    let kept = stride_so_far(pairs, place, MAX_SAMPLES);
+                    assert!(place.is_multiple_of(kept), "{pairs} {frames} {place}");
+                }
+            }
         }
     }
 
